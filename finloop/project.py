@@ -262,7 +262,7 @@ class Project:
     def row_looks(self) -> Floats:
         """Return k numbers on the light and the skin of each row's picture, (n, k).
 
-        With mirror images it is (2 n, k): those of the mirror images follow.
+        It is (2 n, k) if the project uses mirror images: their numbers follow.
         """
         from finloop.jumps.table import LOOK
 

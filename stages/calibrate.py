@@ -100,7 +100,7 @@ def main() -> None:
         save_csv(folder / "company.csv", table, decimals=3)
     for row in table[table["shoal"] == "first_half"].itertuples():
         numbers[f"{row.shoal}_{row.measure}_to_{row.beside}"] = row.distance
-    numbers |= {"horizon_s": film.horizon / project.rate_hz, **asdict(rule.zones)}
+    numbers |= {"horizon_s": film.horizon_frames / project.rate_hz, **asdict(rule.zones)}
     save_metrics(REPORT / "metrics.json", numbers)
 
 

@@ -65,7 +65,7 @@ def test_a_fish_without_discs_fits_where_the_tank_is_roomy_alone():
     legal[rng.integers(50, size=20), rng.integers(70, size=20)] = False
     bounds = tank_bounds(open_tank())._replace(roomy=legal)
     whole = np.pad(legal, [(0, 14), (0, 10)], constant_values=True)
-    bounds = bounds._replace(cells=whole.reshape(4, 16, 5, 16).all(axis=(1, 3)))
+    bounds = bounds._replace(roomy_cells=whole.reshape(4, 16, 5, 16).all(axis=(1, 3)))
     for x, y in rng.uniform(-20, 90, (2000, 2)):
         assert fits_in_tank(bounds, 0, x, y, 0.0) == is_legal_point(legal, x, y)
 

@@ -522,7 +522,7 @@ def test_more_animals_than_there_are_is_said():
         (np.full((9, 2, 2), 50.0), {"tracks_px_per_unit": 10.0}, "outside the picture"),
         (np.full((9, 2, 2), -50.0), {}, "outside the picture"),
         (np.full((60, 2, 2), 50.0), {"frames": 9, "shown": range(9)}, "film has 9 frames"),
-        (np.full((9, 2, 2), 50.0), {"frames": 90, "shown": range(90)}, "at least half of the clip"),
+        (np.full((9, 2, 2), 50.0), {"frames": 90, "shown": range(90)}, "to at least its middle"),
         (np.full((9, 2, 2), 50.0), {"frames": 90, "shown": range(40, 50)}, "not from clip.start_s"),
     ],
 )

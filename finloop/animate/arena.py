@@ -266,11 +266,12 @@ def tank_area(
 ) -> Mask:
     """Return where (h, w) a fish may be: in `arena`, or in its part where animals were filmed.
 
-    outlines_px (n, k, 2): x, y as filmed; tank_setting: "arena", "filmed", or "auto"; floor: the
-    empty tank, None if unknown. "auto" takes the filmed area if no arena was given, so that it is
-    the whole picture, and if the animals filled at least a quarter of it: elsewhere there may be no
-    floor. A fish that keeps to less, as in a current, may swim anywhere. So may a fish whose film
-    is too short to show the tank (`FilmHulls.are_complete`), if the floor looks the same beyond.
+    outlines_px (n, k, 2): x, y as filmed; floor: the empty tank, None if unknown.
+    tank_setting: "arena", "filmed" (the part where animals were filmed) or "auto". "auto" is the
+    arena in three cases: it is less than the whole picture, that is, it was given; the animals
+    filled less than a quarter of the picture, as in a current; or the film is too short to show the
+    tank (not `FilmHulls.are_complete`), and the floor is known and looks the same beyond. Otherwise
+    "auto" is the filmed part, as there may be no floor elsewhere.
     """
     if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena

@@ -22,7 +22,7 @@ class FilmGroup:
     """The fish of a film as a group: n rows (a fish in a frame), with their neighbours.
 
     Vectors are complex, in body lengths, as in `finloop.social.neighbours`. place, heading, frame
-    (n,): of each row. later, earlier (n,): row of the same track `horizon` frames later and
+    (n,): of each row. later, earlier (n,): row of the same track `horizon_frames` later and
     earlier, or −1. slots: where each row stands in places, headings (frames, m), which are NaN for
     absent fish. table: `measure_group`.
     """
@@ -35,7 +35,7 @@ class FilmGroup:
     slots: FrameSlots
     places: Complex
     headings: Complex
-    horizon: int
+    horizon_frames: int
     walls: Walls
     table: pd.DataFrame
 
@@ -71,7 +71,7 @@ class FilmGroup:
         return _thin_rows(np.flatnonzero(in_half & has_others & has_later), most)
 
     def rows_with_whole_steps(self, most: int) -> Ints:
-        """Return rows, at most `most`, whose fish is also seen `horizon` frames before and after.
+        """Return rows, at most `most`, whose fish is also seen `horizon_frames` before and after.
 
         They are evenly spread over the first half, or over the whole film if that has none.
         """
@@ -89,7 +89,7 @@ class FilmGroup:
         )
 
     def relative_headings(self, rows: Ints) -> Complex:
-        """Return how k fish (rows) turn in the time `horizon`: complex unit vectors (k,).
+        """Return how k fish (rows) turn in `horizon_frames`: complex unit vectors (k,).
 
         1 = not turned, i = turned left by 90°.
         """
@@ -102,30 +102,34 @@ def build_film_group(
     """Return the group of all fish of a film, with their neighbours, from the feature table.
 
     arena (h, w): True inside. delta: frames over which motion is measured (Δ). horizon: time
-    between seeing and responding, in units of Δ, or "auto" to measure it. FinloopError if it is
-    longer than the tracks allow.
+    between seeing and responding, in units of Δ, or "auto" to measure it. FinloopError if a given
+    horizon is longer than half the longest track.
     """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))
     places_px = features[["x_px", "y_px"]].to_numpy(float)
     headings_deg = features["heading_deg"].to_numpy(float)
-    place, heading = complex_vectors(places_px, headings_deg, walls.length)
+    place_by_row, heading_by_row = complex_vectors(places_px, headings_deg, walls.length)
+    # Tables (frames, slots): the fish of each frame side by side, NaN where there are fewer.
     slots = frame_slots(frame)
+    place_by_slot, heading_by_slot = slots.spread(place_by_row), slots.spread(heading_by_row)
     if horizon == "auto":
-        ticks = measure_horizon_frames(heading, track, delta)
+        horizon_frames = measure_horizon_frames(heading_by_row, track, delta)
     else:
-        ticks = max(1, round(horizon * delta))
-    later, earlier = _link_rows(frame, track, ticks)
+        horizon_frames = max(1, round(horizon * delta))
+    later, earlier = _link_rows(frame, track, horizon_frames)
     if horizon != "auto" and not ((later >= 0) & (earlier >= 0)).any():
         longest = _longest_track_rows(track)
         raise FinloopError(
-            f"horizon={horizon:g} is {ticks} frames, and the film's longest track has {longest}",
+            f"horizon={horizon:g} is {horizon_frames} frames, and the film's longest track has "
+            f"{longest}",
             f"a horizon of at most {max(0, longest - 1) // 2 / delta:.3g}, half the longest track",
             "take a shorter one, auto, or a film with longer tracks",
         )
     return FilmGroup(
-        place=place, heading=heading, frame=frame, later=later, earlier=earlier, slots=slots,
-        places=slots.spread(place), headings=slots.spread(heading), horizon=ticks, walls=walls,
+        place=place_by_row, heading=heading_by_row, frame=frame, later=later, earlier=earlier,
+        slots=slots, places=place_by_slot, headings=heading_by_slot,
+        horizon_frames=horizon_frames, walls=walls,
         table=measure_group(frame, places_px, headings_deg, walls),
     )  # fmt: skip
 

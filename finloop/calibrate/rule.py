@@ -30,7 +30,7 @@ def fit_film_rule(
     fit = None if describe_shortage(film) else fit_zones(film, settings)
     zones = fit.zones if fit else default_zones(settings)
     steps = measure_steps_without_others(film, film.rows_with_whole_steps(settings.rows), zones)
-    return SchoolRule(zones, steps, film.horizon, settings.alike), fit
+    return SchoolRule(zones, steps, film.horizon_frames, settings.alike), fit
 
 
 def describe_shortage(film: FilmGroup) -> str:
@@ -40,9 +40,9 @@ def describe_shortage(film: FilmGroup) -> str:
     if min(first, second) >= LEAST and has_steps:
         return ""
     lack = (
-        f"the halves of the film show a fish with others, and again {film.horizon} frames later, "
-        f"{first} and {second} times; a fit takes {LEAST} each, so the zones are those of Couzin "
-        "et al. (2002), or of the parameters"
+        "the halves of the film show a fish with others, and again "
+        f"{film.horizon_frames} frames later, {first} and {second} times; a fit takes {LEAST} "
+        "each, so the zones are those of Couzin et al. (2002), or of the parameters"
     )
     if has_steps:
         return lack

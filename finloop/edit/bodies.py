@@ -50,8 +50,12 @@ class Movement(NamedTuple):
 def measure_movement(pose: Pose) -> Movement:
     """Return how far the body turns and bends from each of n poses to the next."""
 
-    def measure_lot(first: int) -> Floats:
-        """Return the two fields of `Movement` (2, k) for the k steps of some rows from `first`."""
+    def measure_movement_from(first: int) -> Floats:
+        """Return how far the backbone moves from each of k rows to the row after it, (2, k).
+
+        First by turning and bending together, then by bending alone, as in `Movement`. Root mean
+        square over the backbone's points, body lengths. The k rows: up to _LOT from `first`.
+        """
         lot = pose[first : first + _LOT + 1]
         # The backbones about their centres, headed right, a body length long; y points down.
         lines = lot.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
@@ -61,7 +65,7 @@ def measure_movement(pose: Pose) -> Movement:
         return np.sqrt(((np.stack([turned, lines[1:]]) - lines[:-1]) ** 2).sum(-1).mean(-1))
 
     with ThreadPoolExecutor(numba.get_num_threads()) as pool:
-        lots = list(pool.map(measure_lot, range(0, len(pose) - 1, _LOT)))
+        lots = list(pool.map(measure_movement_from, range(0, len(pose) - 1, _LOT)))
     return Movement(*np.concatenate([np.empty((2, 0)), *lots], axis=1))
 
 

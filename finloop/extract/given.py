@@ -91,10 +91,12 @@ class FilmSize(NamedTuple):
 def map_poses_to_clip(
     poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
 ) -> ExternalTracks:
-    """Sort another program's tracked poses by the frames of the clip.
+    """Return another program's tracked poses, with the range of rows that each clip frame has.
 
-    clip_frames: the film's frame that each frame of the clip shows. FinloopError if a named
-    keypoint is missing, the file has places beyond the film's end or none in the clip, or the
+    Points of low confidence become NaN, and rows without any point are left out. poses: in the
+    order of their frames; clip_frames: the film's frame that each frame of the clip shows.
+    FinloopError if a named keypoint is missing, no point is confident enough, the tracks continue
+    beyond the film's end, end before the middle of the clip or share no frame with it, or the
     places are not in px of the picture.
     """
     head = find_keypoint(
@@ -105,9 +107,9 @@ def map_poses_to_clip(
     )
     confident = ~(poses.confidence < p.tracks_least_confidence)  # NaN: unknown
     points = np.where(confident[..., None], poses.places * p.tracks_px_per_unit, np.nan)
-    complete: Mask = np.all(np.isfinite(points), axis=2)
-    rows = np.any(complete, axis=1)  # animals of which at least one keypoint is known
-    points, frame = points[rows], poses.frame[rows]
+    is_known: Mask = np.all(np.isfinite(points), axis=2)
+    has_points = np.any(is_known, axis=1)
+    points, frame = points[has_points], poses.frame[has_points]
     if not len(frame):
         raise FinloopError(
             f"no point of the tracks has a confidence of {p.tracks_least_confidence:g} or more",
@@ -119,7 +121,7 @@ def map_poses_to_clip(
     unknown = np.full((len(points), 2), np.nan)
     return ExternalTracks(
         names=poses.individuals,
-        individual=poses.individual[rows],
+        individual=poses.individual[has_points],
         points=points,
         head=unknown if head is None else points[:, poses.keypoints.index(head)],
         tail=unknown if tail is None else points[:, poses.keypoints.index(tail)],
@@ -154,10 +156,10 @@ def find_keypoint(
 def _refuse_other_length(
     tracked_frames: NDArray[np.integer], clip_frames: NDArray[np.integer], film: FilmSize
 ) -> None:
-    """Raise FinloopError for places beyond the film's end, or in less than half of the clip.
+    """Raise FinloopError for tracks that continue beyond the film's end, or do not fit the clip.
 
-    tracked_frames: (rows,) ascending; clip_frames: the film's frame that each frame of the clip
-    shows.
+    They must share a frame with the clip, and must not end before half of it. tracked_frames:
+    (rows,) ascending; clip_frames: the film's frame that each frame of the clip shows.
     """
     first, last = tracked_frames[0], tracked_frames[-1]
     if last >= film.frames + _AT_THE_END:
@@ -167,12 +169,12 @@ def _refuse_other_length(
             "use the film that was tracked, or this film's own tracks",
         )
     common = np.isin(clip_frames, tracked_frames)
-    reached = float((clip_frames <= last).mean())
-    if not common.any() or reached < 0.5:
+    share_before_end = float((clip_frames <= last).mean())
+    if not common.any() or share_before_end < 0.5:
         raise FinloopError(
             f"the tracks have frames {first} … {last} of the film, and the clip shows "
             f"its frames {clip_frames.min()} … {clip_frames.max()}",
-            "tracks of at least half of the clip",
+            "tracks that show frames of the clip, and continue to at least its middle",
             "set clip.start_s and clip.end_s to the range that was tracked; frames count from the "
             "beginning of the film, not from clip.start_s",
         )

@@ -230,12 +230,12 @@ def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
     if scale < 1:  # avoids aliasing: a blur of 0.4 px becomes one of 0.4 px of the smaller picture
         blur = 0.4 * float(np.sqrt(scale**-2 - 1))
         pixels = cv2.GaussianBlur(pixels, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
-    to_film = np.array([
+    to_cutout = np.array([
         [1 / scale, 0, x0 / scale - cutout.x0_px], [0, 1 / scale, y0 / scale - cutout.y0_px],
     ])  # fmt: skip
     interpolation = cv2.INTER_LINEAR if scale < 1 else cv2.INTER_CUBIC
     drawn = cv2.warpAffine(
-        pixels, to_film, (x1 - x0, y1 - y0), flags=interpolation | cv2.WARP_INVERSE_MAP
+        pixels, to_cutout, (x1 - x0, y1 - y0), flags=interpolation | cv2.WARP_INVERSE_MAP
     )
     drawn = np.minimum(drawn, drawn[..., -1:])  # a colour never exceeds its alpha
     return cutout._replace(x0_px=x0, y0_px=y0, pixels=drawn)

@@ -19,8 +19,9 @@ import numpy as np
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import ALONE, Threads, ordered_map
-from finloop.extract.backbone import cut_limbs, trace_backbone
+from finloop.extract.backbone import Backbone, cut_limbs, trace_backbone
 from finloop.extract.background import (
+    Polarity,
     Scene,
     background_without_ghosts,
     flat_background,
@@ -198,10 +199,10 @@ def find_typical_fish(
     """Return the typical fish among silhouettes of sample frames, and the spread of fish's lengths.
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt and
-    bubbles count little; length and contrast are the medians of the silhouettes of about that area.
-    It has limbs if most of these have more than one, as a thin tail looks like one.
-    The spread is half the width of the middle 68 % of lengths, relative to the median. FinloopError
-    if no silhouette can be an isolated fish.
+    bubbles count little; length and contrast are the medians of the silhouettes of about that area,
+    and edge_px is the median width of their outlines' edges. It has limbs if most of these have
+    more than one, as a thin tail looks like one. The spread is half the width of the middle 68 % of
+    lengths, relative to the median. FinloopError if no silhouette can be an isolated fish.
     """
     away_from_border = sorted(
         (s for s in silhouettes if not s.at_border), key=attrgetter("area_px")
@@ -218,24 +219,34 @@ def find_typical_fish(
     traced = [(s, line) for s in similar if (line := trace(s.mask, s.field)) is not None]
     if not traced:
         raise _no_fish_error(silhouettes, scene, settings)
-    sides = (
-        find_pale_side(s.mask, (s.x0, s.y0), line, s.fins)
-        for s, line in traced
-        if s.fins is not None
-    )
-    if settings.fins == "auto":
-        kind = classify_pale_pixels(sides)
-    else:
-        kind = "fins" if settings.fins == "keep" else "gloom"
-    fins: Fins = "none"
-    if kind == "fins":
-        fins = "all"
-    elif kind == "shadow" and scene.polarity == "both":
-        fins = "brighter"  # a shadow is darker than the tank
+    fins = _choose_fins(traced, settings.fins, scene.polarity)
     contrast = float(np.median([s.contrast for s in similar]))
     length, spread = _median_and_spread([line.length_px for _, line in traced])
     edge = float(np.median([measure_edge_width(s) for s, _ in traced]))
     return TypicalFish(area, length, contrast, fins, edge_px=edge, limbs=limbs), spread
+
+
+def _choose_fins(
+    traced: Sequence[tuple[Silhouette, Backbone]],
+    setting: Literal["auto", "keep", "drop"],
+    polarity: Polarity,
+) -> Fins:
+    """Return which pale pixels beside the bodies belong to the fish: all, the brighter or none.
+
+    setting: "auto" classifies them. Fins count. Of a shadow, which is darker than the tank, pixels
+    brighter than the tank still count if the fish's polarity is "both". Gloom, the floor dimmed all
+    around an animal, does not count. traced: silhouettes with their backbones.
+    """
+    if setting != "auto":
+        return "all" if setting == "keep" else "none"
+    kind = classify_pale_pixels(
+        find_pale_side(s.mask, (s.x0, s.y0), line, s.fins)
+        for s, line in traced
+        if s.fins is not None
+    )
+    if kind == "fins":
+        return "all"
+    return "brighter" if kind == "shadow" and polarity == "both" else "none"
 
 
 def measure_edge_width(silhouette: Silhouette) -> float:

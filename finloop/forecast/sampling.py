@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import finite_kernel
+from finloop.base.kernel import finite_kernel, finite_leaf
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.model import Forecast, KernelWeights, predict_next_mean
+from finloop.forecast.model import Forecast, KernelWeights, Weights, predict_next_mean
 from finloop.forecast.settings import ForecastSettings
 
 _LOT = 50_000  # rows at a time, to save memory
@@ -175,37 +175,48 @@ def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple
     return np.concatenate(states)[:ticks], np.concatenate(rows)[:ticks]
 
 
+@finite_leaf
+def _fill_with_past(inputs: Weights, states: Floats, present_index: int, lags: Ints) -> None:
+    """Write the states at the given lags before the present into the first l · d network inputs.
+
+    inputs (l d + 2,): changed; states (…, d): the latest first; lags (l,): ticks.
+    """
+    size = states.shape[1]
+    for i in range(lags.size):
+        for j in range(size):
+            inputs[i * size + j] = states[present_index + lags[i], j]
+
+
 @finite_kernel
 def follow_row(sampler: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
 
-    They are fewer if the row's track ends. past (L + 1, d): the fish's states, the present first;
-    control (2,): of the first tick; its difference from the row's own control stays constant.
+    Each is the film's state plus `settle` times the difference of two predictions: from the fish's
+    own past, and from the film's (sampler.mean). The motion of a row at rest is the film's alone.
+    The states are fewer if the row's track ends. past (L + 1, d): the fish's states, the present
+    first; control (2,): of the first tick; its difference from the row's own stays constant.
     """
     size, lags, past_length = sampler.states.shape[1], sampler.lags, len(past)
     while ticks > 1 and not sampler.usable[row : row + ticks].all():
         ticks -= 1
-    states = np.empty((ticks + past_length, size))
+    states = np.empty((ticks + past_length, size))  # the latest first: the present moves to index 0
     for i in range(past_length):
         for j in range(size):
             states[ticks + i, j] = past[i, j]
     inputs, mean = np.empty(lags.size * size + 2, np.float32), np.empty(size)
     hidden = np.empty((2, sampler.net.second_bias.shape[1]), np.float32)
     for t in range(ticks):
-        present = ticks - t
-        for i in range(lags.size):
-            for j in range(size):
-                inputs[i * size + j] = states[present + lags[i], j]
+        present_index = ticks - t
+        _fill_with_past(inputs, states, present_index, lags)
         for j in range(2):
             inputs[lags.size * size + j] = (
                 sampler.control[row + t, j] + control[j] - sampler.control[row, j]
             )
         predict_next_mean(sampler.net, inputs, mean, hidden)
         for j in range(size):
-            # The state of the film, and what remains of the difference from it; a fish at rest
-            # moves as in the film.
             value = sampler.states[row + t + 1, j]
-            if not (sampler.rests[row + t + 1] and j >= size - MOTION):
+            is_motion = j >= size - MOTION  # the last components of a state are its motion
+            if not (sampler.rests[row + t + 1] and is_motion):
                 value += sampler.settle[j] * (mean[j] - sampler.mean[row + t, j])
-            states[present - 1, j] = min(max(value, sampler.low[j]), sampler.high[j])
+            states[present_index - 1, j] = min(max(value, sampler.low[j]), sampler.high[j])
     return states[:ticks]

@@ -29,13 +29,13 @@ class TurnFrames:
     peak: int
     hold_deg: float
 
-    def place_after_peak(self, depth: int) -> int:
-        """Return the first place after the peak that bends no more than the place `depth`.
+    def place_after_peak(self, deepest: int) -> int:
+        """Return the first place after the peak that bends no more than the place `deepest`.
 
-        depth: a place up to the peak, the most bent that is shown; the places between are skipped.
+        deepest: a place up to the peak, the most bent that is shown; places between are skipped.
         The result is the last place if all bend more.
         """
-        shallow = np.flatnonzero(self.area <= self.area[depth])
+        shallow = np.flatnonzero(self.area <= self.area[deepest])
         after = shallow[shallow > self.peak]
         return int(after[0]) if after.size else len(self.number) - 1
 

@@ -349,19 +349,19 @@ def _implicit_step(points: Points, step: float) -> Points:
 
 
 def cut_ears(points: Points) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) from a simple polygon (n, 2) to a triangle, and whether it is one.
+    """Return poses (k, n, 2) of a simple polygon up to a triangle, and whether the last is one.
 
     Each step straightens one corner (an "ear") and restores the area, so k is n − 2. Only rounding
     can stop the method before the triangle.
     """
     pose = np.ascontiguousarray(points, np.float64)
-    goal, n = signed_area(Curve(pose, closed=True)), len(pose)
+    area, n = signed_area(Curve(pose, closed=True)), len(pose)
     poses, corners = [pose], np.arange(n)
     while len(corners) > 3:
         before, after = np.roll(corners, 1), np.roll(corners, -1)
         # Twice the area of each corner's triangle, < 0 outside; small moves come first.
         (x, y), (u, v) = (pose[corners] - pose[before]).T, (pose[after] - pose[corners]).T
-        tip = np.sign(goal) * (x * v - y * u)
+        tip = np.sign(area) * (x * v - y * u)
         for corner in np.argsort(tip):
             first, last = before[corner], after[corner]
             span = np.arange(1, (last - first) % n)  # the vertices between go onto the line
@@ -373,7 +373,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
         else:
             return np.stack(poses), False
         pose, corners = cut, np.delete(corners, corner)
-        poses.append(_resize_polygon(pose, goal))
+        poses.append(_resize_polygon(pose, area))
     return np.stack(poses), True
 
 

@@ -228,13 +228,15 @@ def set_branch_rotation(branch, rotation_deg):  # type: ignore[no-untyped-def]
 def turn_branch_to_row(graph, branch, row):  # type: ignore[no-untyped-def]
     """Turn a branch (dtype `BRANCH`) so that it keeps its heading when it shows `row` instead.
 
-    Its rotation is changed, its row is not. graph: `SearchGraph`.
+    Its rotation (rot, and cos and sin of it) is changed, its row is not. graph: `SearchGraph`.
     """
     rows, preview = graph.film.rows, graph.previews[row]
-    cos, sin = heading_vector(graph.previews[branch.row], branch)
+    heading_cos, heading_sin = heading_vector(graph.previews[branch.row], branch)
+    # The new rotation is the heading on screen less the filmed heading of the new row, which stands
+    # in rows as an angle, and in previews as cosine and sine.
     branch.rot += rows[branch.row].heading - rows[row].heading
-    branch.cos = cos * preview.cos + sin * preview.sin
-    branch.sin = sin * preview.cos - cos * preview.sin
+    branch.cos = heading_cos * preview.cos + heading_sin * preview.sin
+    branch.sin = heading_sin * preview.cos - heading_cos * preview.sin
 
 
 @finite_leaf

@@ -139,10 +139,13 @@ def _step_cost(step, sorted_steps, weight):  # type: ignore[no-untyped-def]
 def _transition_costs(  # type: ignore[no-untyped-def]
     steps, row_costs, sorted_steps, weight, added_step, rows, codes, row
 ):  # fmt: skip
-    """Return the extra cost (k,), in ticks, of the three steps after a transition to each row (k,).
+    """Return the extra cost (k,), in ticks, of the first steps after a transition to each row (k,).
+
+    These are the _FADING_TICKS steps in which the offset between the two poses fades fastest.
 
     steps, sorted_steps, weight, added_step: fields of `Rarity`; row_costs (n,): ticks that the step
-    to each row costs in the film; codes (m, c): pose codes; row: the one on screen.
+    to each row costs in the film; codes (m, c): pose codes of all rows and, from n on, their mirror
+    images; row: the one on screen.
     """
     costs = np.zeros(rows.size)
     for k in range(rows.size):

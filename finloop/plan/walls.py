@@ -16,7 +16,7 @@ from finloop.animate.company import NO_DISCS, Discs, disc_orientation
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 
-_CELL = 4  # log₂ of the 16 px of a cell; cells are looked up first, as their table is small
+_CELL_BITS = 4  # log₂ of the 16 px of a cell
 _MARGIN_PX = 1.5  # of room beyond the edge of a disc; extraction drops silhouettes at the very edge
 _PUSHES = 6  # steps in which a place is moved off the walls: a corner takes several
 
@@ -24,14 +24,14 @@ _PUSHES = 6  # steps in which a place is moved off the walls: a corner takes sev
 class Bounds(NamedTuple):
     """What keeps a fish inside the tank.
 
-    roomy (h, w): where every picture fits, at every heading; cells: whether all pixels of a cell of
-    16 × 16 px are roomy; depth (h, w): how far the middle of each pixel is from the wall, px, < 0
-    outside; nearest (2, h, w): row and column of the roomy pixel nearest to each; discs: of the
-    pictures; without any the fish keeps to where it is roomy.
+    roomy (h, w): where every picture fits, at every heading; roomy_cells: whether all pixels of a
+    cell of 16 × 16 px are roomy; depth (h, w): how far the middle of each pixel is from the wall,
+    px, < 0 outside; nearest (2, h, w): row and column of the roomy pixel nearest to each; discs: of
+    the pictures; without any the fish keeps to where it is roomy.
     """
 
     roomy: Mask
-    cells: Mask
+    roomy_cells: Mask
     depth: NDArray[np.float32]
     nearest: NDArray[np.int32]
     discs: Discs
@@ -43,7 +43,7 @@ def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
     outside = np.pad((~tank.arena).astype(np.uint8), 1, constant_values=1)
     to_tank = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     # Cells of 16 × 16 px of which all pixels are roomy, that is where every picture fits.
-    side = 1 << _CELL
+    side = 1 << _CELL_BITS
     roomy = np.pad(tank.legal, [(0, -n % side) for n in tank.legal.shape], constant_values=True)
     cells = roomy.reshape(roomy.shape[0] // side, side, -1, side).all(axis=(1, 3))
     return Bounds(tank.legal, np.asarray(cells), tank.depth_px - to_tank, tank.nearest, discs)
@@ -89,7 +89,9 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
     roomy, column, row = bounds.roomy, round(x), round(y)
     if not (0 <= row < roomy.shape[0] and 0 <= column < roomy.shape[1]):
         return False
-    if bounds.cells[row >> _CELL, column >> _CELL] or roomy[row, column]:
+    # The cells only save time: their table is small, and so they are asked before the pixel.
+    cell_row, cell_column = row >> _CELL_BITS, column >> _CELL_BITS
+    if bounds.roomy_cells[cell_row, cell_column] or roomy[row, column]:
         return True
     if bounds.discs.table.shape[0] == 0:  # without discs only roomy places count
         return False
@@ -101,8 +103,8 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
 def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
     """Return x, y px of about the nearest place at which a picture fits, and whether it fits there.
 
-    picture: film row, or −1 − number of a sprite. Without discs it is the nearest roomy pixel; with
-    discs the picture is moved off the walls up to 6 times.
+    picture: film row, or −1 − number of a sprite; heading: degrees. Without discs of the body it is
+    the nearest roomy pixel; with discs the picture is moved off the walls up to _PUSHES times.
     """
     if fits_in_tank(bounds, picture, x, y, heading):
         return x, y, True

@@ -143,8 +143,8 @@ def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
 def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
     """Return ticks, rising, at which another part of the film, a sprite or a cross-fade begins.
 
-    There are at most `most`, spread over the animation; at least half are switches between sprite
-    and frame, if there are so many. tracks: track_id and frame of every cut-out.
+    There are at most `most`, spread over the animation; at least half, rounded down, are switches
+    between sprite and frame, if there are so many. tracks: track_id and frame of every cut-out.
     """
     # All such ticks.
     kind = edit["kind"].to_numpy()

@@ -105,21 +105,23 @@ class Gallery:
         if row.pose is None:
             drawn = [self.turn_picture(*picture) for picture in pictures]
         else:
-            drawn = self._bend_pictures(pictures, row.pose)
+            drawn = self._pictures_to_bend(pictures, row.pose)
         partner = drawn[1] if has_partner else None
         return PlacedFish(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
-    def _bend_pictures(self, pictures: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
-        """Return film pictures bent into one pose, with heading and size of the first picture.
+    def _pictures_to_bend(self, pictures: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
+        """Return film pictures with the pose they are to be bent into, the same for all.
 
-        codes (c,): the pose, by its principal-component scores.
+        codes (c,): that pose, by its principal-component scores; heading and size are those of the
+        first picture. Mirrored pictures are mirrored first, then bent.
         """
         assert self.bodies is not None
         bodies = [self.bodies.body_in_edit_row(picture) for picture in pictures]
         poses = self.bodies.poses
         target = poses.pose_from_codes(int(bodies[0].row), codes)
         heading = math.radians(bodies[0].heading_deg)
-        size_px, bent = float(target.size_px) * pictures[0].scale, []
+        size_px = float(target.size_px) * pictures[0].scale
+        bent: list[BentPicture] = []
         for body in bodies:
             filmed, picture = poses.pose[int(body.row)], self.film_picture(int(body.row))
             source = PlacedBackbone(

@@ -245,7 +245,10 @@ class Painter:
         self._touched.clear()
 
     def show(self, *fish: PlacedFish) -> Box:
-        """Draw some fish on the clean floor, the lowest first; return the box that they cover."""
+        """Draw fish on the clean floor, in the order given; return the box that they cover.
+
+        fish: from the lowest to the highest; each casts its shadow on those below.
+        """
         self.wipe()
         boxes: list[Box] = []
         for number, placed in enumerate(fish):

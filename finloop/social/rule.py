@@ -69,11 +69,12 @@ class SocialSteps:
     def draw_similar_steps(
         self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
-        """Return, for m fish, the film's steps that began most alike, in random order.
+        """Return, for m fish, the film's steps that began most as theirs do, in random order.
 
         Mirror images of steps count, too. The results, moves in body lengths and turns, are (m,
-        alike), complex; fewer if the film has fewer steps. wall, last (m,): vector from the wall,
-        and last step, of the fish.
+        alike), complex; fewer if the film has fewer steps. wall, last (m,): the fish's vector from
+        the wall (`Walls.vectors_from_wall`) and its last step in body lengths, both relative to its
+        heading: ahead is real, left is imaginary.
         """
         count = min(alike, 2 * len(self.move))  # steps and their mirror images
         ranks = [*range(1, count + 1)]  # a list, so that even one step has an axis of its own

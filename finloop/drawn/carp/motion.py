@@ -259,7 +259,7 @@ class Swimmer:
             return
         # Away from a wall or a fish that is near.
         ahead = _distance_to_edge(self.x, self.y, self.axis, self.room)
-        has_room = all(_gap_between(self, other, REACH) > 0 for other in others)  # for a turn
+        has_room = all(_spare_gap(self, other, REACH) > 0 for other in others)  # for a turn
         if self.rest_s <= 0:
             threat = min((_closest_approach(self, other, 0.0) for other in others), default=9.0)
             if ahead < 0.35 + 0.55 * self.speed or threat < 0.95:
@@ -401,7 +401,7 @@ class Swimmer:
             dx, dy = other.x - self.x, other.y - self.y
             distance = math.hypot(dx, dy)
             # Each of the two may use up half of the gap.
-            allowed = _gap_between(self, other) / (2 * hold_s)
+            allowed = _spare_gap(self, other) / (2 * hold_s)
             closing = (vx * dx + vy * dy) / distance
             if closing > allowed:
                 vx -= (closing - allowed) * dx / distance
@@ -422,10 +422,11 @@ def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
     return max(0.46 * along, -0.62 * along + 0.15 * across, 0.17 * along + 0.30 * across)
 
 
-def _gap_between(fish: Swimmer, other: Swimmer, reach: float | None = None) -> float:
+def _spare_gap(fish: Swimmer, other: Swimmer, reach: float | None = None) -> float:
     """Return by how much the gap of two fish exceeds the least allowed, FISH_GAP, in body lengths.
 
-    reach: how far the first reaches towards the other, None = as far as in its present pose.
+    It is negative if they are too near. reach: how far the first reaches towards the
+    other, None = as far as in its present pose.
     """
     dx, dy = other.x - fish.x, other.y - fish.y
     distance = math.hypot(dx, dy)

@@ -141,7 +141,8 @@ def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats
     upper_ends = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
     outline, weight = _skin_and_bone_weights(shape, n)
     # As complex numbers: the outline seen from the upper end of each bone (n, 4), and these ends
-    # (…, 4). Linear blend skinning: each bone turns and moves the whole outline; the mean counts.
+    # (…, 4). Linear blend skinning: each bone turns and moves the whole outline; a
+    # point of the limb is the weighted mean of its four.
     local = (outline[:, None] - rest[:4]) @ [1, 1j]
     ends = upper_ends @ np.array([1, 1j])
     points = np.einsum("nb,...nb->...n", weight, local * np.exp(1j * turns)[..., None, :])
