@@ -27,7 +27,7 @@ from finloop.edit.modes import MODES
 from finloop.report.figures import CHAPTERS
 from stages import code
 from stages.origins import note_origins, note_paths, output_paths
-from stages.previews import choose_mode, load_previews
+from stages.previews import choose_mode, draw_previews
 from stages.settings import FILES
 
 ROOT = Path(__file__).parents[1]
@@ -622,7 +622,7 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
 def test_an_animation_is_drawn_from_the_cache(first_run: Copy, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(first_run.root)
     commits = {"present": "HEAD", "again": "start", "before": "start~1"}  # that has no dvc.lock
-    found = load_previews(commits, "network")
+    found = draw_previews(commits, "network")
     assert set(found) == {"present", "again"} and found["present"] is found["again"]
     assert found["present"].picture[8:12] == b"WEBP" and b"ftyp" in found["present"].film[:16]
     assert choose_mode(["bpn.train_rows", "animate.loops_film_pct"]) == "loops"
