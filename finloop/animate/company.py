@@ -145,7 +145,7 @@ def _places_of_others(trajectories, begins, ticks, fish, tick):  # type: ignore[
     """Return what `Plans.others` does, (n, m, 4).
 
     trajectories (fish, t, 4): of all fish; begins, ticks (fish,): first tick and duration of each,
-    0 long where a fish has not planned yet. Compiled, as with 64 fish numpy takes twice as long.
+    0 long where a fish has not planned yet. Compiled, as every decision of every fish needs it.
     """
     others = [k for k in range(len(ticks)) if k != fish and ticks[k] > 0]
     count = 1

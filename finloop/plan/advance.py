@@ -147,10 +147,8 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
             film_offset = rotate(
                 planned[t + reach, 0] - planned[t, 0], planned[t + reach, 1] - planned[t, 1], rot
             )
-            most_deg, place = (
-                largest_steering_turn(speeds_bl_s[t], steering),
-                RoutePlace(x, y, along),
-            )
+            most_deg = largest_steering_turn(speeds_bl_s[t], steering)
+            place = RoutePlace(x, y, along)
             turn = steering_turn(route, place, film_offset, reach, most_deg, steering)
         dx, dy = rotate(
             planned[t + 1, 0] - planned[t, 0], planned[t + 1, 1] - planned[t, 1], rot + turn
