@@ -121,7 +121,7 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     with project, open_workers(WORKERS_NEED) as pool:
         film_data = matching_data(project, q)
         animator = matching_animator(film_data, q)
-        size = animator.pictures.reel.size
+        size = animator.pictures.reel.scale
         works |= animations_by_motion(routes_by_motion(film_data, animator, q), amount)
         pictures, instrument = GalleryOpener(project), build_instrument(project)
         drawn = instrument.adapt_to_animation(size)

@@ -90,7 +90,7 @@ def _report_size_and_tank(mode: str, animator: Animator, p: Any) -> None:
 
     p: the parameters `animate`.
     """
-    scale, tank = animator.pictures.reel.size, animator.player.world.tank
+    scale, tank = animator.pictures.reel.scale, animator.player.world.tank
     if scale < 1 and p.fish_scale == "auto":
         print(
             f"modes-{mode}: the tank is too small for the fish to turn, so it is drawn at "
@@ -118,7 +118,7 @@ def _save_animation(
     animator.check_room(goals)
     swims, edit = animator.plan(goals)
     save_records(folder / "goals.json", goals)
-    save_json(folder / "drawn.json", {"size": animator.pictures.reel.size})
+    save_json(folder / "drawn.json", {"size": animator.pictures.reel.scale})
     steps = project.step_distances[["headed", "as_filmed"]].dropna()
     player = animator.player
     film_motion = measures.motion_of_film(project.features, player.world.motion)
@@ -164,9 +164,9 @@ def measure_pictures(
 
 
 def _measure_seeds(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Plan an animation to random goals for each seed; return their measures, a dict per seed.
+    """Plan an animation to random goals for each seed; return its measures, averaged over fish.
 
-    They are planned without cross-fades, and measured without their pictures, which takes long.
+    They are planned without cross-fades. Their pictures are not measured, as that takes long.
     """
     with Project() as project:
         animator = open_mode(project)

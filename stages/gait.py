@@ -162,25 +162,28 @@ def _draw_dog_film(walk: DogFilm, folder: Path) -> CyclePictures:
     return CyclePictures(pictures, frame_phases(walk)[ticks])
 
 
-def _fill_in_true_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> None:
-    """Fill in the true γ of the drawn dog's limbs in the table of γ, which is changed in place.
+def _fill_in_reference_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> None:
+    """Fill in what the γ fitted to the drawn dog's film should be, in three columns of `table`.
 
-    γ says how unevenly a limb moves from one key pose to the next. The columns are true, of the
-    exact motion; exact, fitted to exact contours; clock, of the foot alone.
+    table: of the gait parameter γ, a row per contour and subcycle, changed in place. true: γ of the
+    motion that the dog is drawn with; exact: γ fitted to its contours without a film between;
+    clock: γ of the foot's timing alone.
     """
     # "swap": half a cycle later each limb does what its left-right partner does now.
-    exact = GaitContours(
+    contours = GaitContours(
         true_limb_contours(walk, EXACT_POINTS), frame_phases(walk), walk.body_length_px,
         symmetry="swap",
     )  # fmt: skip
-    exact = replace(exact, offsets=partner_offsets(exact))
-    gait, _ = fit_gait(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
+    # The partners hang at different places of the body; the swap must not move them there.
+    contours = replace(contours, offsets=partner_offsets(contours))
+    exact, _ = fit_gait(contours, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
     for row, (limb, subcycle) in table[["contour", "subcycle"]].iterrows():
         if limb in true:
-            of_exact = gait.gamma[limb][subcycle][0]  # the only one: for all scales
-            of_foot = foot_gammas(walk, limb)["AB".index(subcycle)]  # of A, B, C and D
-            table.loc[row, ["true", "exact", "clock"]] = true[limb][subcycle], of_exact, of_foot
+            exact_gamma = exact.gamma[limb][subcycle][0]  # the only one: for all scales
+            foot_gamma = foot_gammas(walk, limb)["AB".index(subcycle)]  # of A, B, C and D
+            gammas = true[limb][subcycle], exact_gamma, foot_gamma
+            table.loc[row, ["true", "exact", "clock"]] = gammas
 
 
 def _gamma_errors(table: pd.DataFrame) -> dict[str, float]:
@@ -296,7 +299,7 @@ def main() -> None:
         }
         tables = {film: _gamma_table(film, fit.gait) for film, fit in fits.items()}
         if p.limbs == "dog":
-            _fill_in_true_gammas(_dog_film(p), tables["limbs"], p)
+            _fill_in_reference_gammas(_dog_film(p), tables["limbs"], p)
             numbers |= _gamma_errors(tables["limbs"])
         for film, fit in fits.items():
             names = ("frequency_hz", "confidence", "cycles")

@@ -67,7 +67,7 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
         players = {name: animator.player for name, animator in animators.items()}
         first = next(iter(animators.values()))
         pictures, most_unlike = first.pictures, p.fade_steps * first.step
-        size, scene = pictures.reel.size, project.scene
+        size, scene = pictures.reel.scale, project.scene
         shadow = Shadow(q.shadow_darkness, q.shadow_blur * size * scene.typical_length_px)
         painter = Painter(project.background, shadow=shadow)
         stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}

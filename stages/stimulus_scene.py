@@ -105,7 +105,7 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
     """Yield the film and all that a session needs, opened from the stages' results.
 
     protocol: None where no fish is to swim. FinloopError if the film shows too little for mode
-    `matching`, or no school although the protocol has rules of one.
+    `matching`, or if the protocol has rules for a school and the film shows none.
     """
     fish_mm = None if protocol is None else protocol.display.fish_mm
     with Project() as project:
@@ -113,10 +113,10 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
         reel, bodies = animator.pictures.reel, animator.pictures.bodies
         cutout_sets = build_cutout_sets({FRAME: reel.film}, project.tracks(PLACE), None)
         gallery = Gallery(cutout_sets, bodies)
-        film_mm, length_px = project.facts.mm_per_px, animator.world.motion.body_length_px
-        # By the length of fish that the protocol wants, else by the film's scale; None: unknown.
-        mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size
-        pictures = PagePictures(gallery, reel.size)
+        mm_per_px = _mm_per_px(
+            fish_mm, animator.world.motion.body_length_px, project.facts.mm_per_px, reel.scale
+        )
+        pictures = PagePictures(gallery, reel.scale)
         height, width = pictures.largest_px
         context = TrialContext(animator.player, bodies, mm_per_px)
         if protocol is not None:  # compile functions now, so that no trial waits for it
@@ -124,6 +124,19 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
             rehearse_stimulus(context)
         tank = TankCanvas(project.background, width, height)
         yield FilmedScene(context, pictures, tank, _results_digest(project.data))
+
+
+def _mm_per_px(
+    fish_mm: float | None, length_px: float, film_mm_per_px: float | None, scale: float
+) -> float | None:
+    """Return how many mm one px of the animation shows; None if unknown.
+
+    fish_mm: body length that the protocol wants, None = the film's mm per px decide; length_px:
+    body length in the animation; scale: px of the animation per px of the film.
+    """
+    if fish_mm:
+        return fish_mm / length_px
+    return film_mm_per_px / scale if film_mm_per_px else None
 
 
 def _results_digest(data: Path) -> str:

@@ -549,7 +549,7 @@ def test_the_size_is_found_for_a_fish_that_does_not_fit(folder, monkeypatch):
     with Project() as project:
         project.arena = narrow
         plans = open_mode(project, fish=1)
-        size = plans.pictures.reel.size
+        size = plans.pictures.reel.scale
         assert 0.05 < size < 0.9 and plans.reach_px <= 0.5 * 15.5
         with pytest.raises(FinloopError, match=r"smaller than the fish(.|\n)*animate.fish_scale"):
             open_mode(project, fish=1, fish_scale=1.0)

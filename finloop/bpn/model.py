@@ -188,7 +188,7 @@ def split_by_blocks(
             "at least two: one to learn from, one to hold out",
             "a smaller bpn.held_out_block_deltas, or a longer film",
         )
-    sample = _draw_groups(first, held_out_share, rng)
+    sample = _sample_groups(first, held_out_share, rng)
     begins_held_out, ends_held_out = np.isin(first, sample), np.isin(last, sample)
     return _require_rows(~begins_held_out & ~ends_held_out, begins_held_out & ends_held_out)
 
@@ -207,7 +207,7 @@ def split_by_tracks(
             "at least two for bpn.held_out_by=tracks: one to learn from, one to hold out",
             "bpn.held_out_by=blocks, which splits by time",
         )
-    held_out = np.isin(rows.track_id, _draw_groups(rows.track_id, held_out_share, rng))
+    held_out = np.isin(rows.track_id, _sample_groups(rows.track_id, held_out_share, rng))
     return _require_rows(~held_out, held_out)
 
 
@@ -253,10 +253,10 @@ def split_rows_if_possible(rows: LearningRows, settings: BpnSettings) -> tuple[M
     return all_rows, ~all_rows
 
 
-def _draw_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
-    """Return random groups with about a share of the rows: at least one group, and not all.
+def _sample_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
+    """Return random groups with about a share of the rows: one at least, and not all if several.
 
-    group (n,): of each row; share: 0 … 1.
+    group (n,): number of each row's group; share: 0 … 1.
     """
     groups, counts = np.unique(group, return_counts=True)
     sample: list[int] = []

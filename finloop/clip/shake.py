@@ -19,6 +19,7 @@ _MARGIN = 12  # px along the border without marks
 _STEEP = 0.75  # least slope of a mark [grey levels a px]
 _LESS = 4  # reduction of the picture for the search of a large shift
 _NEAR = 1.5  # grey levels at the marks; a better fit needs no phase correlation
+_FEWEST_MARKS = 12  # that show a shift
 _ROUNDS = 12  # most rounds of Gauss-Newton
 _STILL = 2e-3  # px; a smaller step is the last
 _TUKEY = 4.685  # sigmas beyond which a mark has no weight
@@ -33,8 +34,8 @@ class Landmarks(NamedTuple):
     x: Ints  # (marks,) px, as all but `small`
     y: Ints
     level: Floats  # grey level
-    right: Floats  # slope of the level to the right, grey levels per px
-    down: Floats
+    slope_right: Floats  # change of the level to the right, grey levels per px
+    slope_down: Floats
     tile: Ints  # number of the mark's tile
     # Weight, such that no tile counts for more than the median one: the edges of an animal that
     # stays are the strongest, but in few tiles.
@@ -48,6 +49,16 @@ class Shift(NamedTuple):
     x: float
     y: float
     apart: float  # by how much parts of the picture moved differently (a turn, a zoom)
+
+
+class _Fit(NamedTuple):
+    """How well a frame's grey levels fit those of the tank, after a shift that is a guess."""
+
+    # (4,) gain × (guess − shift) to the right and down, the gain of the light, and an added level
+    step: Floats
+    residual: Floats  # (marks,) grey levels left over
+    weight: Floats  # (marks,) less where the residual is large, 0 on animals
+    sigma: float  # usual residual, grey levels
 
 
 STILL = Shift(0.0, 0.0, 0.0)
@@ -101,27 +112,38 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
 
     tank: its landmarks; last: shift of the frame before, where the search begins.
     """
-    if len(tank.x) < 12:
+    if len(tank.x) < _FEWEST_MARKS:
         return UNKNOWN
     smooth = _smooth_grey(frame)
     place = _choose_start(smooth, tank, last)
-    # Unknowns: the shift to the right and down, the gain of the light, and an added grey level.
-    slope = np.stack([tank.right, tank.down, tank.level, np.ones(len(tank.level))], axis=1)
+    # To first order a frame's levels at the marks, moved by `place`, are gain · level + added +
+    # gain · slope · (place − shift). Each round fits this, and moves `place` nearer to the shift.
+    ones = np.ones(len(tank.level))
+    design = np.stack([tank.slope_right, tank.slope_down, tank.level, ones], axis=1)
     weight = tank.trust
     for _ in range(_ROUNDS):
-        value = _sample_marks(smooth, tank, place)
-        for _ in range(2):  # the weights depend on the fit
-            gram = (slope * weight[:, None]).T @ slope + 1e-9 * np.eye(4)
-            step = np.linalg.solve(gram, slope.T @ (weight * value))
-            residual = value - slope @ step
-            sigma = max(0.3, 1.4826 * float(np.median(np.abs(residual))))
-            weight = tank.trust * np.maximum(0.0, 1 - (residual / (_TUKEY * sigma)) ** 2) ** 2
-        # The fit gives −gain × what `place` lacks of the shift; at most 1.5 px are taken at once.
-        move = np.clip(-step[:2] / max(0.2, step[2]), -1.5, 1.5)
+        fit = _fit_robustly(design, _sample_marks(smooth, tank, place), tank.trust, weight)
+        gain, weight = max(0.2, fit.step[2]), fit.weight
+        move = np.clip(-fit.step[:2] / gain, -1.5, 1.5)  # px; far from it the slopes mislead
         place = place + move
         if np.hypot(*move) < _STILL:
             break
-    return _judge_shift(place, residual, weight, sigma, tank)
+    return _judge_shift(place, fit, tank)
+
+
+def _fit_robustly(design: Floats, level: Floats, trust: Floats, weight: Floats) -> _Fit:
+    """Return a least-squares fit of grey levels (marks,) by the columns of design (marks, 4).
+
+    trust (marks,): of each mark, by which Tukey's biweight of its residual is multiplied; weight
+    (marks,): to begin with.
+    """
+    for _ in range(2):  # the weights depend on the fit
+        gram = (design * weight[:, None]).T @ design + 1e-9 * np.eye(4)
+        step = np.asarray(np.linalg.solve(gram, design.T @ (weight * level)), float)
+        residual = level - design @ step
+        sigma = max(0.3, 1.4826 * float(np.median(np.abs(residual))))
+        weight = trust * np.maximum(0.0, 1 - (residual / (_TUKEY * sigma)) ** 2) ** 2
+    return _Fit(step, residual, weight, sigma)
 
 
 def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
@@ -164,26 +186,23 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
     return np.asarray(above * (1 - v) + below * v)
 
 
-def _judge_shift(
-    shift_px: Floats, residual: Floats, weight: Floats, sigma: float, tank: Landmarks
-) -> Shift:
+def _judge_shift(shift_px: Floats, fit: _Fit, tank: Landmarks) -> Shift:
     """Return a shift with its `apart`; `UNKNOWN` if too few tiles of the picture support it.
 
-    `apart` is how far the shifts of single tiles are from the whole [px]. shift_px: (2,); residual,
-    weight: (marks,) grey levels left over, and each mark's weight; sigma: usual residual, grey
-    levels; tank: its landmarks.
+    `apart` is how far the shifts of single tiles are from the whole [px]. shift_px: (2,); fit: of
+    the frame after that shift; tank: its landmarks.
     """
     apart = []
-    for slope in (tank.right, tank.down):
+    for slope in (tank.slope_right, tank.slope_down):
         # Per tile: information (inverse variance × sigma²), and the sum that it moves the fit by.
-        information = np.bincount(tank.tile, weight * slope**2, _TILES**2)
-        push = np.bincount(tank.tile, weight * slope * residual, _TILES**2)
+        information = np.bincount(tank.tile, fit.weight * slope**2, _TILES**2)
+        push = np.bincount(tank.tile, fit.weight * slope * fit.residual, _TILES**2)
         # Without the tiles that know most, the standard deviation shall be at most `_SURE`.
         without_best = np.sort(information)[: round((1 - _BEST) * len(information))].sum()
-        if without_best * _SURE**2 < sigma**2:
+        if without_best * _SURE**2 < fit.sigma**2:
             return UNKNOWN
         # How far single tiles would move the shift, where they know it to 2 `_SURE`.
-        certain = information * (2 * _SURE) ** 2 > sigma**2
+        certain = information * (2 * _SURE) ** 2 > fit.sigma**2
         if certain.any():
             apart.append(float(np.median(np.abs(push[certain] / information[certain]))))
     return Shift(float(shift_px[0]), float(shift_px[1]), max(apart, default=float("nan")))

@@ -96,21 +96,24 @@ def _refinement_matrix(alpha: Floats, size: int) -> Floats:
 def _sobolev_smoothness(alpha: Floats) -> float:
     """Return how smooth a wavelet's scaling function φ is: its Sobolev exponent s, at most 2.
 
-    That is the largest s with φ in H^s. alpha (P + 1,): autocorrelation of the low filter. The
-    method is Villemoes's (1992). If every straight line is a sum of shifted φ, the transfer
-    operator keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step.
-    Otherwise φ has a jump or worse, and the result is 0.5.
+    That is the largest s with φ in H^s. alpha (P + 1,): autocorrelation of the low filter at lags
+    0 … P. The method is Villemoes's (1992). If every straight line is a sum of shifted φ, the
+    transfer operator keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a
+    step. Otherwise φ has a jump or worse, and the result is 0.5.
     """
     size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size
-    moments = np.linalg.qr(np.stack([index**p for p in range(4)], axis=1), "complete")[0]
-    vanishing = moments[:, 4:]  # sequences without moments 0 … 3
+    # An orthonormal basis of sequences: four that span index^0 … index^3; the rest have none of
+    # the moments 0 … 3.
+    basis = np.linalg.qr(np.stack([index**p for p in range(4)], axis=1), "complete")[0]
+    moments, vanishing = basis[:, :4], basis[:, 4:]
     image = _refinement_matrix(alpha, size) @ vanishing
-    if np.abs(moments[:, :4].T @ image).max() > _ALMOST:
+    if np.abs(moments.T @ image).max() > _ALMOST:  # the operator brings moments in
         return 0.5
-    rate = float(np.abs(np.linalg.eigvals(vanishing.T @ image)).max())
-    exponent = min(-np.log2(rate) / 2, 2.0)
-    return exponent if abs(exponent - 1) > _ALMOST else 1.0  # not above 1 by rounding
+    shrinkage = float(np.abs(np.linalg.eigvals(vanishing.T @ image)).max())  # 4^−s, a step
+    exponent = min(-np.log2(shrinkage) / 2, 2.0)
+    # Rounding must not decide whether s > 1, on which the stiffness is finite.
+    return exponent if abs(exponent - 1) > _ALMOST else 1.0
 
 
 def first_stiffness_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:

@@ -43,7 +43,7 @@ class Reel:
     """A film's fish, row by row: features and cut-outs (pixels with alpha), and the sprites.
 
     features (n rows): track_id, frame, x_px, y_px, heading_deg, body_length_px; film: the n
-    cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations; size: how
+    cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations; scale: how
     many times as large as filmed all fish are drawn. FinloopError if tables and stores are not of
     one film.
     """
@@ -52,7 +52,7 @@ class Reel:
     film: Cutouts
     sprites: pd.DataFrame = field(default_factory=pd.DataFrame)
     store: Cutouts | None = None
-    size: float = 1.0
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         """Raise FinloopError if tables and stores are not of one film."""
@@ -88,8 +88,8 @@ class Reel:
         """Return a reel with fish and sprites drawn `times_filmed` times as large as filmed."""
         sprites = self.sprites
         if len(sprites):
-            sprites = sprites.assign(scale=sprites["scale"] * (times_filmed / self.size))
-        return replace(self, sprites=sprites, size=times_filmed)
+            sprites = sprites.assign(scale=sprites["scale"] * (times_filmed / self.scale))
+        return replace(self, sprites=sprites, scale=times_filmed)
 
     @property
     def orientations(self) -> int:
@@ -100,8 +100,8 @@ class Reel:
 
     @cached_property
     def length_px(self) -> float:
-        """Return the body length [px] at which every fish is drawn: the median times `size`."""
-        return self.size * float(self.features["body_length_px"].median())
+        """Return the body length [px] at which every fish is drawn: the median times `scale`."""
+        return self.scale * float(self.features["body_length_px"].median())
 
     @cached_property
     def lengths_px(self) -> Reals:

@@ -107,7 +107,7 @@ def limb_contours(
             "trace each limb under its own id",
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
-    notes = _check_missing_regions(regions, first)
+    notes = _check_regions(regions, first)
     place_names = [BODY] if BODY in regions else names  # their mean is the place of the body
     places = []
     for name in place_names:
@@ -203,24 +203,16 @@ def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
     return float(np.median(widths_by_count[max(widths_by_count)]))
 
 
-def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
-    """Return notes on frames that lack a limb; FinloopError if too many frames lack it.
+def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
+    """Return notes for the user on limbs without a side, and on missing or small regions.
 
-    regions: by id, one for each frame; first: number of the first frame. Notes are sentences for
-    the user, on regions, too, that are much smaller than usual.
+    regions: by id, one for each frame, no `Curve` where the frame lacks it; first: number of the
+    first frame. FinloopError if most frames lack one.
     """
-    notes, wrong, hints = [], [], []
-    usual_names = {  # of the limbs that enough frames show
-        name
-        for name, frames in regions.items()
-        if sum(isinstance(region, Curve) for region in frames) >= LEAST_SHARE * len(frames)
-    }
+    _refuse_rare_regions(regions, first)
+    notes = []
     for name, frames in regions.items():
         gaps = _describe_gaps(frames, first)
-        if name not in usual_names:
-            wrong.append(f"{name!r} in frames {gaps}")
-            hints += difflib.get_close_matches(name, sorted(usual_names), n=1, cutoff=0.8)
-            continue
         if name != BODY and "left" not in name and "right" not in name:
             notes.append(
                 f"{name} has no side, left or right: it is assumed to move alike in both halves of"
@@ -237,15 +229,32 @@ def _check_missing_regions(regions: Mapping[str, Sequence[Region]], first: int) 
                 f"{name} is smaller than usual in frames {_format_frame_numbers(numbers)}:"
                 " if something hides a part of it there, trace it whole or omit it"
             )
-    if wrong:
+    return tuple(notes)
+
+
+def _refuse_rare_regions(regions: Mapping[str, Sequence[Region]], first: int) -> None:
+    """Raise FinloopError if less than LEAST_SHARE of the frames show a region.
+
+    regions, first: as for `_check_regions`. The message asks whether a similar id was meant.
+    """
+    usual_names = sorted(
+        name
+        for name, frames in regions.items()
+        if sum(isinstance(region, Curve) for region in frames) >= LEAST_SHARE * len(frames)
+    )
+    rare, hints = [], []
+    for name, frames in regions.items():
+        if name not in usual_names:
+            rare.append(f"{name!r} in frames {_describe_gaps(frames, first)}")
+            hints += difflib.get_close_matches(name, usual_names, n=1, cutoff=0.8)
+    if rare:
         alike = f" (is it {' or '.join(sorted(set(hints)))}?)" if hints else ""
         raise FinloopError(
-            f"regions that most frames lack: {', '.join(wrong)}{alike}",
+            f"regions that most frames lack: {', '.join(rare)}{alike}",
             "the same ids in all frames, each complete in at least half of them",
             "give a limb one name in all frames, and draw masks white on black; trace it in the"
             " other frames, or omit it in all",
         )
-    return tuple(notes)
 
 
 def _describe_gaps(regions: Sequence[Region], first: int) -> str:

@@ -303,6 +303,14 @@ class HalfCycleLayout:
     # partner, whose offset is the negative. A limb then keeps its hip
     offsets: Mapping[str, Points] | None = None
 
+    def order(self, name: str, count: int) -> Ints:
+        """Return the order (count,) in which a contour takes its twin's points when mirrored."""
+        return (self.orders or {}).get(name, reversed_order(count))
+
+    def offset(self, name: str) -> Points:
+        """Return how far (2,) right and down of its twin's place a contour lies; 0 if unknown."""
+        return np.asarray((self.offsets or {}).get(name, np.zeros(2)))
+
 
 def four_key_frames(
     key1: Mapping[str, Points],
@@ -342,28 +350,28 @@ def contours_half_cycle_later(
 ) -> dict[str, Points]:
     """Return the contours (…, n, 2), by id, that an animal has half a cycle later, by symmetry.
 
-    Left and right exchange their contours; the symmetry "mirror" reflects them as well. layout:
-    where the result is placed. Two calls give the first contours again: FinloopError if the layout
-    prevents that, or the symmetry is none of SYMMETRIES.
+    A left limb gets the contour of its right twin, and the other way round. symmetry, layout:
+    "swap" moves the twin's contour by the limb's offset; "mirror" reflects it in the line y =
+    middle, and takes its points in the limb's order. Two calls give the first contours again:
+    FinloopError if the layout prevents that, or the symmetry is none of SYMMETRIES.
     """
     if symmetry not in SYMMETRIES:
         raise FinloopError(
             f"the symmetry {symmetry!r}", f"one of {', '.join(SYMMETRIES)}", "choose one of these"
         )
-    orders, offsets = layout.orders or {}, layout.offsets or {}
-    # A limb's order or offset must undo its partner's.
     later = dict[str, Points]()
     for name in contours:
         twin = opposite_limb(name, contours)
         if symmetry == "mirror":
-            order = orders.get(name, reversed_order(contours[twin].shape[-2]))
-            undoes_itself = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
+            count = contours[twin].shape[-2]
+            order, twin_order = layout.order(name, count), layout.order(twin, count)
+            twin_undoes_it = np.array_equal(order[twin_order], np.arange(count))
             later[name] = mirror_contours(contours[twin], layout.middle, order)
         else:
-            offset = offsets.get(name, np.zeros(2))
-            undoes_itself = np.allclose(offset, -np.asarray(offsets.get(twin, -offset)))
+            offset = layout.offset(name)
+            twin_undoes_it = np.allclose(offset, -layout.offset(twin))
             later[name] = contours[twin] + offset
-        if not undoes_itself:
+        if not twin_undoes_it:
             raise FinloopError(
                 f"two half cycles later the contour {name!r} is not what it was",
                 "orders of points that undo each other, and offsets that add up to 0",

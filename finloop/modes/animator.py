@@ -162,12 +162,12 @@ def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
     sized = scale_film(film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor)
     reel = sized.reel
     delta = infer_delta_frames(reel.features)
-    motion = learn_motion(reel.features, film_data.rate_hz, delta).scale_to(reel.size)
+    motion = learn_motion(reel.features, film_data.rate_hz, delta).scale_to(reel.scale)
     world = World(
         make_tank(sized.area, sized.reach_px),
         motion,
         touch_px=p.goal_radius_bl * motion.body_length_px,
-        head_px=head_ahead_px(reel.features, reel.size),
+        head_px=head_ahead_px(reel.features, reel.scale),
     )
     pictures = Pictures(
         reel, film_data.map_facts.size, Bodies(film_data.poses, reel.has_next_frame, reel.sprites)

@@ -164,7 +164,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     scaled = scale_film(film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor)
     reel, features, rate_hz = scaled.reel, scaled.reel.features, film_data.rate_hz
     delta = infer_delta_frames(features)
-    motion = learn_motion(features, rate_hz, delta).scale_to(reel.size)
+    motion = learn_motion(features, rate_hz, delta).scale_to(reel.scale)
     bodies = Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
     pictures = Pictures(reel, film_data.map_facts.size, bodies)
     silhouettes = Silhouettes(reel.sprites, [], scaled.hulls)
@@ -179,7 +179,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     world = FilmWorld(
         make_tank(scaled.area, scaled.reach_px), motion,
         touch_px=p.goal_radius_bl * motion.body_length_px,
-        head_px=head_ahead_px(features, reel.size), film=graph,
+        head_px=head_ahead_px(features, reel.scale), film=graph,
         brisk=learn_fast_fish(features, rate_hz, delta, p), settings=p, discs=silhouettes.discs,
     )  # fmt: skip
     film_source, prediction_source = _motion_sources(world, film_data.forecast, rarity, joins)

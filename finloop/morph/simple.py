@@ -299,10 +299,10 @@ def _smooth_contour(points: Points, closed: bool) -> Points:
 # --- simplifying one curve
 
 
-def _resize_polygon(points: Points, goal: float) -> Points:
-    """Return a polygon (n, 2) scaled about the mean of its vertices to the signed area `goal`."""
+def _resize_polygon(points: Points, area: float) -> Points:
+    """Return a polygon (n, 2) scaled about the mean of its vertices to a signed area."""
     middle = points.mean(axis=0)
-    return middle + (points - middle) * np.sqrt(goal / signed_area(Curve(points, closed=True)))
+    return middle + (points - middle) * np.sqrt(area / signed_area(Curve(points, closed=True)))
 
 
 def round_off_polygon(points: Points) -> tuple[Points, bool]:
@@ -313,14 +313,14 @@ def round_off_polygon(points: Points) -> tuple[Points, bool]:
     """
     poses = [np.ascontiguousarray(points, np.float64)]
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
-    goal = signed_area(Curve(points, closed=True))
+    area = signed_area(Curve(points, closed=True))
     step, halvings = edges.mean() ** 2, 0
-    while 4 * np.pi * abs(goal) <= ROUND * edges.sum() ** 2:  # of a circle 4π area = length²
-        pose = _resize_polygon(_implicit_step(poses[-1], step), goal)
+    while 4 * np.pi * abs(area) <= ROUND * edges.sum() ** 2:  # of a circle 4π area = length²
+        pose = _resize_polygon(_implicit_step(poses[-1], step), area)
         if stays_simple_unchecked(np.stack([poses[-1], pose]), closed=True):
             poses.append(pose)
             edges = np.hypot(*(np.roll(pose, -1, axis=0) - pose).T)
-            step, halvings = min(step * GROWTH, STEP * abs(goal)), 0
+            step, halvings = min(step * GROWTH, STEP * abs(area)), 0
         elif halvings < HALVINGS:
             step, halvings = step / 2, halvings + 1
         if halvings == HALVINGS or len(poses) == MOST_POSES:

@@ -18,7 +18,7 @@ from finloop.plots.loops import DEAD, LARGEST, OTHER, arc_points, spread_table_r
 
 _IN_TURN = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
 _ARCS, _PER_GROUP = 160, 8  # loops that a viewer can distinguish in one picture and one group
-_ROWS = 9  # groups with a row of their own
+_LINES = 9  # groups with a line of their own
 _NAMED = 8  # dead ends
 _NARROW = 0.02  # of the film; a group over less of it has no number at its bar
 
@@ -55,14 +55,12 @@ def figure12(
 ) -> Figure:
     """Draw Fig. 12 of the fish paper: groups of loops along the film, and its dead ends.
 
-    At the top are the loops within a track, as in the paper. Below are a row for each group of all
+    At the top are the loops within a track, as in the paper. Below are a line for each group of all
     loops, and the parts of the film that can be played for ever. graph: of all loops. rate_hz:
     frames per second.
     """
     track_id = features["track_id"].to_numpy()
-    group_sizes = loops["group"].value_counts().sort_index()
-    rows = min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)  # one for all other groups
-    heights = (3.2, 0.45 + 0.28 * rows, 1.5)
+    heights = (3.2, 0.45 + 0.28 * _count_lines(loops["group"].nunique()), 1.5)
     figure = Figure(figsize=(12.5, sum(heights) + 1.6), layout="constrained")
     track_panel, group_panel, ends_panel = figure.subplots(3, 1, sharex=True, height_ratios=heights)
     _draw_track_loops(track_panel, loops, track_id, rate_hz)
@@ -119,36 +117,42 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
 
 
 def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
-    """Draw a row for each group of loops: the parts of the film that its loops cover.
+    """Draw a line for each group of loops: the parts of the film that its loops cover.
 
-    Beyond `_ROWS` groups, one row holds the others. track_id (n,): the track of each film row.
+    Groups are numbered from 0, the largest first. Beyond `_LINES` groups, one line holds all
+    others. track_id (n,): the track of each row of the film.
     """
-    group_sizes = loops["group"].value_counts().sort_index()
+    count = loops["group"].nunique()
     joins_tracks = loops["length_s"].isna()  # a loop between two tracks has no length
-    names = []
-    for row in range(min(len(group_sizes), _ROWS) + (len(group_sizes) > _ROWS)):
-        group = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]
-        covered, colour = rows_within_loops(group, track_id), OTHER if row else LARGEST
+    contents = []
+    for line in range(_count_lines(count)):
+        group = loops[loops["group"] == line] if line < _LINES else loops[loops["group"] >= line]
+        covered, colour = rows_within_loops(group, track_id), OTHER if line else LARGEST
         parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in find_runs(covered, track_id)]
-        axes.broken_barh(parts, (row - 0.3, 0.6), color=colour, lw=1.5 if row else 0)
-        if row:  # the largest group, row 0, has too many
+        axes.broken_barh(parts, (line - 0.3, 0.6), color=colour, lw=1.5 if line else 0)
+        if line:  # the largest group joins tracks too often to draw each join
             joins = group[joins_tracks[group.index]][["a", "b"]].to_numpy() / rate_hz
-            axes.hlines(np.full(len(joins), row), *joins.T, color=colour, lw=0.8)
+            axes.hlines(np.full(len(joins), line), *joins.T, color=colour, lw=0.8)
         content = f"{_with_noun(len(group), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"
-        others = "" if row < _ROWS else f"{len(group_sizes) - _ROWS} more groups: "
-        names.append(others + content)
-    axes.set(ylim=(len(names) - 0.4, -0.6), yticks=range(len(names)))
-    axes.set_yticklabels([str(row + 1) if row < _ROWS else "…" for row in range(len(names))])
+        contents.append(content if line < _LINES else f"{count - _LINES} more groups: {content}")
+    lines = range(len(contents))
+    axes.set(ylim=(len(contents) - 0.4, -0.6), yticks=lines)
+    axes.set_yticklabels([str(line + 1) if line < _LINES else "…" for line in lines])
     axes.set_ylabel("group")
     side = axes.secondary_yaxis("right")
-    side.set_yticks(range(len(names)), names, fontsize=8)
+    side.set_yticks(lines, contents, fontsize=8)
     side.tick_params(length=0)
     axes.set_title(
-        f"all {_with_noun(len(loops), 'loop')}: {_with_noun(len(group_sizes), 'group')}; "
+        f"all {_with_noun(len(loops), 'loop')}: {_with_noun(count, 'group')}; "
         f"{int(joins_tracks.sum())} of the loops join two tracks (lines) and lie over their two "
         "ends alone",
         loc="left", fontsize=10,
     )  # fmt: skip
+
+
+def _count_lines(groups: int) -> int:
+    """Return how many lines show so many groups: the last line holds all beyond `_LINES`."""
+    return min(groups, _LINES + 1)
 
 
 def _with_noun(number: int, noun: str) -> str:
