@@ -344,5 +344,5 @@ def test_more_fish_than_fit():
         player.begin(
             np.random.default_rng(0),
             None,
-            player.company(Plans.from_paths(fish + everywhere, 0).others(-1, 0), 0),
+            player.others_to_avoid(Plans.from_paths(fish + everywhere, 0).others(-1, 0), 0),
         )

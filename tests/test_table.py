@@ -8,7 +8,14 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.base.schema import ANY, Column, Schema, columns, lists_to_array
-from finloop.io.table import load_list_columns, load_table, read_list_blocks, save_csv, save_table
+from finloop.io.table import (
+    apply_schema,
+    load_list_columns,
+    load_table,
+    read_list_blocks,
+    save_csv,
+    save_table,
+)
 
 SCHEMA = Schema(
     Column("frame", "int32", "1"),
@@ -98,6 +105,16 @@ def test_what_does_not_fit_is_refused_on_saving(tmp_path, changes, said):
     with pytest.raises(FinloopError, match=said):
         save_table(tmp_path / "a.parquet", table(**changes), SCHEMA)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("length", [2, ANY])
+@pytest.mark.parametrize("numbers", [[1, 2.5], [1, 2**40]])
+def test_integers_in_lists_are_not_changed(length, numbers):
+    schema = Schema(Column("places", "int32", "1", length=length))
+    with pytest.raises(FinloopError, match="places: not lists"):
+        apply_schema(pd.DataFrame({"places": [numbers]}), schema)
+    kept = apply_schema(pd.DataFrame({"places": [[1, 2]]}), schema)
+    assert kept["places"][0].tolist() == [1, 2]
 
 
 def test_all_problems_are_said_at_once(tmp_path):

@@ -50,7 +50,7 @@ class AnyPlayer(Protocol):
     ) -> State:
         """Return the state of a fish at the beginning of a route, else at a random place."""
 
-    def company(self, other_plans: Floats, tick: int) -> Company:
+    def others_to_avoid(self, other_plans: Floats, tick: int) -> Company:
         """Return the other fish of a tank as a fish that decides at a tick knows them.
 
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.

@@ -90,7 +90,7 @@ class SchoolMember:
         """
         self._player, self._task, self._route = player, task, task.route
         self._number = number
-        company = player.company(plans.others(number, 0), 0)
+        company = player.others_to_avoid(plans.others(number, 0), 0)
         self._state = player.begin(task.rng, task.route, company)
         self.swim = Swim([], [], np.full(len(task.goals), -1))
         self._reached = 0  # goals

@@ -203,11 +203,13 @@ class Reel:
     ) -> Pictures:
         """Return a picture (size_px, size_px, channels), 0 … 1, with a sprite in its middle.
 
-        orientation: in which it is stored; turn_deg: turns it further, anticlockwise as seen.
+        The picture shows `SPAN` lengths of that animal, so all animals come out equally long.
+        orientation: in which the sprite is stored; turn_deg: turns it further, anticlockwise as
+        seen.
         """
-        centre, length = self.sprite_centres_px[number], self._sprite_lengths_px[number]
+        centre, body_length = self.sprite_centres_px[number], self._sprite_lengths_px[number]
         return draw_centred_cutout(
-            self.read_sprite(number, orientation), centre, length, size_px, turn_deg
+            self.read_sprite(number, orientation), centre, body_length, size_px, turn_deg
         )
 
     def draw_sprites(self, size_px: int, orientation: int = 1) -> Pictures:

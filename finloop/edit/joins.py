@@ -179,41 +179,22 @@ def inertialize_pictures(
     line_deg (ticks,): direction in which the fish swims and in which sprites are drawn, degrees.
     The posture is left alone where bending does not make the pictures of a join more alike.
     """
-    bodies, frame, number = rules.bodies, shown.frame, shown.number
+    bodies, frame = rules.bodies, shown.frame
     drawn = bodies.picture_bodies(
-        frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored
+        frame, shown.number, np.where(frame, shown.rot, line_deg), shown.mirrored
     )
-    previous, current = drawn.select(np.s_[:-1]), drawn.select(np.s_[1:])
-    # A join is a picture that is not the film's next one, unless it is held for the third time.
-    due = bodies.next_body(previous)  # what the film shows next; a sprite turns as the fish does
-    sprite_turn = np.diff(line_deg) - bodies.sprite_turn_deg(frame[:-1], number[:-1])
-    due = due._replace(heading_deg=due.heading_deg + np.where(frame[:-1], 0.0, sprite_turn))
-    follows = (current.row == due.row) & (current.mirrored == due.mirrored)
-    follows &= (frame[1:] == frame[:-1]) & bodies.goes_on[previous.row]
-    moves = np.append(True, ~(follows & rules.rests[current.row]))
-    is_held = (current.row[1:] == previous.row[1:]) & (previous.row[1:] == previous.row[:-1])
-    follows[1:] |= is_held
-    joins = np.flatnonzero(~follows) + 1
-    old, new = due.select(joins - 1), drawn.select(joins)
-    turn_before = wrap_deg(old.heading_deg - previous.heading_deg[joins - 1])
-    offset, velocity = _join_offsets(drawn, old, joins, turn_before, bodies)
+    due = _due_bodies(drawn, shown, line_deg, bodies)
+    joins, moves = _find_joins(drawn, due, frame, rules)
+    old, new = due.select(joins), drawn.select(joins)
+    offset, velocity = _join_offsets(drawn, old, joins, bodies)
     pairs = np.stack([new.row, old.row, new.mirrored, old.mirrored], -1).tolist()
     unbent = joins[[
         not rules.bending_improves_match(row, old_row, bool(mirrored), bool(old_mirrored))
         for row, old_row, mirrored, old_mirrored in pairs
     ]]  # fmt: skip
     offset[unbent, :-1] = velocity[unbent, :-1] = 0
-    # What remains of the offsets of all joins; offsets stay while the film rests, so only ticks at
-    # which it moves are counted: tick t is the moving tick number moving[t].
-    offset_decay, velocity_decay = rules.spring_response()
-    moving = np.cumsum(moves) - 1
-    remaining = sum_past_values(offset_decay, offset[moves])
-    remaining += sum_past_values(velocity_decay, velocity[moves])
-    remaining = remaining[moving]
-    latest_join = np.full(moving[-1] + 1, -(2**31))  # at each moving tick; none yet: long ago
-    latest_join[moving[joins]] = moving[joins]
-    since_join = moving - np.maximum.accumulate(latest_join)[moving]
-    posed, codes = since_join < len(offset_decay), bodies.codes(drawn)
+    remaining, posed = _remaining_offsets(offset, velocity, joins, moves, rules)
+    codes = bodies.codes(drawn)
     codes[posed] += remaining[posed, :-1]
     # A posture near a filmed one is possible; others are moved to the nearest possible one.
     shapes = bodies.poses.shapes
@@ -224,18 +205,69 @@ def inertialize_pictures(
     return InertializedPictures(begins, codes.astype(np.float32), posed, remaining[:, -1])
 
 
-def _join_offsets(
-    drawn: Body, old: Body, joins: Ints, before_deg: Floats, bodies: Bodies
-) -> tuple[Floats, Floats]:
+def _due_bodies(drawn: Body, shown: PictureSequence, line_deg: Floats, bodies: Bodies) -> Body:
+    """Return the bodies (ticks,) that the film would show after the picture of the tick before.
+
+    Before the first tick there is none: that one is not used. drawn (ticks,): the bodies in the
+    pictures shown; line_deg (ticks,): direction in which the fish swims; a sprite turns with it.
+    """
+    last = np.maximum(np.arange(len(line_deg)) - 1, 0)  # the tick before
+    due = bodies.next_body(drawn.select(last))
+    sprite_turn = line_deg - line_deg[last]
+    sprite_turn = sprite_turn - bodies.sprite_turn_deg(shown.frame[last], shown.number[last])
+    return due._replace(heading_deg=due.heading_deg + np.where(shown.frame[last], 0.0, sprite_turn))
+
+
+def _find_joins(drawn: Body, due: Body, frame: Mask, rules: JoinRules) -> tuple[Ints, Mask]:
+    """Return the ticks (k,) of joins, and at which ticks (ticks,) the animal moves.
+
+    drawn (ticks,): the bodies in the pictures shown; due (ticks,): what the film would show there;
+    frame (ticks,): whether the picture is a frame, else a sprite.
+    """
+    previous, current, due = (
+        bodies.select(ticks)
+        for bodies, ticks in ((drawn, np.s_[:-1]), (drawn, np.s_[1:]), (due, np.s_[1:]))
+    )
+    follows = (current.row == due.row) & (current.mirrored == due.mirrored)
+    follows &= (frame[1:] == frame[:-1]) & rules.bodies.goes_on[previous.row]
+    moves = np.append(True, ~(follows & rules.rests[current.row]))
+    # A picture that is held is a join only when it is shown the second time. While it is held,
+    # what remains of joins decays, as when the animal moves.
+    is_held = (current.row[1:] == previous.row[1:]) & (previous.row[1:] == previous.row[:-1])
+    follows[1:] |= is_held
+    return np.flatnonzero(~follows) + 1, moves
+
+
+def _remaining_offsets(
+    offset: Floats, velocity: Floats, joins: Ints, moves: Mask, rules: JoinRules
+) -> tuple[Floats, Mask]:
+    """Return what remains of the offsets of all joins, and where it may be more than nothing.
+
+    The former is (ticks, c + 1), as offset and velocity: c pose codes, then degrees; the latter
+    (ticks,). joins (k,): their ticks; moves (ticks,): whether the animal moves. While it rests,
+    offsets stay.
+    """
+    offset_decay, velocity_decay = rules.spring_response()
+    moving = np.cumsum(moves) - 1  # number of each tick among those at which the animal moves
+    remaining = sum_past_values(offset_decay, offset[moves])
+    remaining += sum_past_values(velocity_decay, velocity[moves])
+    latest_join = np.full(moving[-1] + 1, -(2**31))  # by that number; none yet: long ago
+    latest_join[moving[joins]] = moving[joins]
+    since_join = moving - np.maximum.accumulate(latest_join)[moving]
+    return remaining[moving], since_join < len(offset_decay)
+
+
+def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[Floats, Floats]:
     """Return how far pose and heading jump at each join, and how far their velocities do.
 
     Both are (ticks, c + 1), 0 at other ticks: c pose codes (principal-component scores), then
     degrees. drawn: bodies of all ticks; joins (k,): their ticks; old (k,): bodies that the film
-    would show there; before_deg (k,): turn in the tick before each.
+    would show there.
     """
     new, ticks = drawn.select(joins), len(drawn.row)
     ahead = np.minimum(joins + 1, ticks - 1)  # the tick after each join
     plays_on = (ahead > joins) & ~np.isin(ahead, joins)
+    before_deg = wrap_deg(old.heading_deg - drawn.heading_deg[joins - 1])  # turn due at the join
     after_deg = np.where(plays_on, wrap_deg(drawn.heading_deg[ahead] - new.heading_deg), before_deg)
     is_held = (drawn.row[ahead] == new.row) & (ahead > joins)
     codes = bodies.codes(old) - bodies.codes(new)

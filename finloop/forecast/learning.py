@@ -123,9 +123,10 @@ def _learn_epoch(
     network: _Network, adam: torch.optim.Optimizer, sample: _Sample, number_weights: Tensor,
     p: ForecastSettings, generator: torch.Generator,
 ) -> None:  # fmt: skip
-    """Show the network the whole sample once, in random batches and with noise on the past.
+    """Show the network the sample once, in random batches of equal size, with noise on the past.
 
-    adam: changes the network's weights; number_weights (d,): of each state number's error.
+    What does not fill a last batch is left out. adam: changes the network's weights; number_weights
+    (d,): of each state number's error.
     """
     count = len(sample.past)
     batch_size = min(p.batch_size, count)

@@ -11,7 +11,6 @@ relation is made symmetric, and a step to a row with more neighbours is taken le
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,11 +126,13 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
         lot = np.arange(first, min(first + _LOT, film_rows))
         members, index = index_part(first // _TURN % parts)
 
-        def choose(queries: Ints, near: Ints, lot: Ints = lot, members: Ints = members) -> Any:
-            """Return the similar rows of some queries, and which have enough: `_choose_passages`.
+        def choose(
+            queries: Ints, near: Ints, lot: Ints = lot, members: Ints = members
+        ) -> tuple[tuple[Ints], Mask]:
+            """Return what `_choose_passages` does for a batch of queries (k,).
 
-            queries (k,): numbers in `lot`, a batch of rows; near (k, l): numbers in `members`, the
-            rows of this part of the film, the nearest first, −1 for none.
+            queries: numbers in `lot`; near (k, l): numbers in `members`, the rows of this part of
+            the film, the nearest first, −1 for none. lot, members: those of this turn of the loop.
             """
             candidates = np.where(near < 0, -1, members[near])
             return _choose_passages(

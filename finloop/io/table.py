@@ -95,8 +95,9 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
     """Read a table that `save_table` wrote, with all columns or those named.
 
     Nullable whole numbers come back as pandas' `Int32` and its like, nulls of floats as NaN, list
-    columns as rows of arrays. FinloopError if the file is missing or unreadable; or it lists every
-    missing, unknown, ill-typed, wrongly null column and every other unit at once.
+    columns as rows of arrays. FinloopError if the file is missing or unreadable, or if columns are
+    missing, not in the schema, of a wrong type, null where they must not be, or in another unit;
+    the error lists all of these.
     """
     return _to_frame(*_read_columns(path, schema, columns))
 
@@ -208,26 +209,33 @@ def _name_problems(names: list[str], schema: Schema) -> list[str]:
 
 
 def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
-    """Convert one column to Arrow; ValueError, TypeError or ArrowInvalid if that would change it.
+    """Return a column as an Arrow array; ValueError, TypeError or ArrowInvalid if that changes it.
 
     Only the rounding of floats is allowed.
     """
+    arrow_type = _arrow_type(column)
     if column.length == ANY:
-        cells = [None if cell is None else np.asarray(cell, column.dtype) for cell in values]
-        return pa.array(cells, _arrow_type(column))
+        cells = [
+            None if cell is None else _cast_list(np.asarray(cell), arrow_type).to_numpy()
+            for cell in values
+        ]
+        return pa.array(cells, arrow_type)
     if column.length:  # lists of one length
         rows = lists_to_array(values)
         if len(values) and rows.shape != (len(values), column.length):
             raise ValueError(f"lists of shape {rows.shape[1:]}")
-        flat = pa.array(rows.ravel().astype(column.dtype, casting="same_kind"))
-        return pa.FixedSizeListArray.from_arrays(flat, column.length)
+        return pa.FixedSizeListArray.from_arrays(
+            _cast_list(rows.ravel(), arrow_type), column.length
+        )
     array = pa.array(values, from_pandas=True)
     if isinstance(array, pa.ChunkedArray):
         array = array.combine_chunks()
-    target = _arrow_type(column)
-    # Safe casts refuse rounding; from float64 to float32 it is wanted.
-    safe = not (pa.types.is_floating(array.type) and pa.types.is_floating(target))
-    return array.cast(target, safe=safe)
+    return array.cast(arrow_type)  # refuses all changes but the rounding of floats
+
+
+def _cast_list(numbers: np.ndarray, list_type: pa.DataType) -> pa.Array:
+    """Return numbers (n,) in the type of a list's numbers; ArrowInvalid if that changes them."""
+    return pa.array(numbers).cast(list_type.value_type)
 
 
 def _null_problems(array: pa.Array, column: Column) -> list[str]:

@@ -202,7 +202,9 @@ class LiveFish:
         self.reached = False
         self._modes, self._rng = modes, rng
         self._too_unlike, self._find_other_paths = too_unlike, other_paths
-        self._state = self._player.begin(rng, company=self._player.company(self._other_paths(0), 0))
+        self._state = self._player.begin(
+            rng, company=self._player.others_to_avoid(self._other_paths(0), 0)
+        )
         self._drag_ticks = max(1, int(_DRAG_S * self._player.world.motion.rate_hz))
         # The last `HISTORY` ticks, each at its number modulo `HISTORY`.
         self._rows = np.zeros(HISTORY, ROW)

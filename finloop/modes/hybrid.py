@@ -200,18 +200,18 @@ class Hybrid:
     ) -> Stretch:  # fmt: skip
         """Return the shortest stretch of film to a row with a gateway out of the film.
 
-        roll_outs: of the candidates. Where none reaches a gateway inside the tank, the fish swims
-        on the spot.
+        candidates: of which none is legal; roll_outs: of them. Where none reaches a gateway inside
+        the tank, the fish swims on the spot.
         """
         place, legal = self.loops.next_place(fish), self.loops.world.tank.legal
         ticks = ticks_to_first_end(self.loops.film, legal, self._has_exit, candidates, place)
-        reaching = np.flatnonzero(ticks)
+        reaching = np.flatnonzero(ticks)  # 0: it reaches no gateway
         if not reaching.size:
             return self.loops.swim_on_spot(fish, candidates, roll_outs, goal, rng)
-        # Without a legal candidate `make_stretch` plays as many ticks as `inside` says.
-        to_gateway = roll_outs._replace(ticks=0 * ticks, inside=ticks)
         nearest = int(reaching[np.argmin(ticks[reaching])])
-        return self.loops.make_stretch(fish, candidates, to_gateway, nearest, goal)
+        return self.loops.make_stretch(
+            fish, candidates, roll_outs, nearest, goal, ticks=int(ticks[nearest])
+        )
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""

@@ -177,15 +177,18 @@ class Loops:
 
     def make_stretch(
         self, fish: Fish, candidates: Candidates, roll_outs: RollOuts, taken: int, goal: Target,
-        reason: str = "",
+        reason: str = "", ticks: int | None = None,
     ) -> Stretch:  # fmt: skip
-        """Return the stretch of film from candidate number `taken` to the end of its roll-out.
+        """Return the stretch of film from candidate number `taken`, `ticks` long.
 
-        reason: code of the decision, by default that the film plays on or jumps.
+        ticks: by default to the end of a legal candidate's roll-out, or to the nearest loop end
+        from one that is not legal; reason: code of the decision, by default that the film plays on
+        or jumps.
         """
         film, row, rot = self.film, int(candidates.rows[taken]), float(candidates.rots[taken])
         is_legal = roll_outs.ticks[taken] > 0
-        ticks = int(roll_outs.ticks[taken] if is_legal else roll_outs.inside[taken])
+        if ticks is None:
+            ticks = int(roll_outs.ticks[taken] if is_legal else roll_outs.inside[taken])
         rows = np.arange(row, row + ticks)
         cos, sin = np.cos(np.radians(rot)), np.sin(np.radians(rot))
         first_place = self.next_place(fish)

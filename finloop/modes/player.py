@@ -86,7 +86,7 @@ class PaperPlayer:
             )
         return State(self.mode.begin(rng), np.zeros(2))
 
-    def company(self, other_plans: Floats, tick: int) -> Company:
+    def others_to_avoid(self, other_plans: Floats, tick: int) -> Company:
         """Return a company without any fish: in the paper's modes a fish is alone."""
         return ALONE
 

@@ -53,13 +53,13 @@ class Fallback:
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
-        """Return a stretch cut to its free ticks; if it has none, the fish stays or moves aside.
+        """Return a stretch cut to its ticks that are inside the tank and clear of other fish.
 
-        Free is inside the tank and clear of other fish. At a wall the fish stays. A fish that
-        another blocks, or that turns on the spot beside it, moves aside. Where nothing is free, it
-        stays for one tick.
+        A fish on the spot that has none inside the tank stays at the wall. One that another blocks,
+        or that turns on the spot beside it, moves aside.
         """
-        if stretch.decision.reason == SPOT:  # all others stop at the walls
+        turns_on_spot = stretch.decision.reason == SPOT
+        if turns_on_spot:  # all other stretches end before the walls by now
             inside = self._part_inside_tank(stretch)
             stretch = inside or self._stay_at_wall(fish, Target(*stretch.aim))
         company, others = fish.company, fish.company.places[0]  # where the others are now
@@ -68,15 +68,20 @@ class Fallback:
         ticks = self.count_free_ticks(fish, stretch)
         distances = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
         may_touch = distances.min() < 2 * company.discs.reach  # reach: of a body from its centre
-        is_stuck = stretch.decision.reason == SPOT and may_touch
-        if ticks and not is_stuck:
+        if ticks and not (turns_on_spot and may_touch):
             return stretch.cut(ticks)
-        x, y = others[distances.argmin(), :2].tolist()
-        for drifting in self._yielding_stretches(fish, x, y):
-            inside = self._part_inside_tank(drifting)
+        return self._move_aside(fish, *others[distances.argmin(), :2].tolist())
+
+    def _move_aside(self, fish: Fish, x: float, y: float) -> Stretch:
+        """Return a stretch away from another fish at x, y px; where nothing is free, one of a tick.
+
+        Free is inside the tank and clear of other fish.
+        """
+        for stretch in self._yielding_stretches(fish, x, y):
+            inside = self._part_inside_tank(stretch)
             if inside is not None and (ticks := self.count_free_ticks(fish, inside)):
                 return inside.cut(ticks)
-        return drifting.cut(1)  # the last of them: the present picture, in place
+        return stretch.cut(1)  # the last of them: the present picture, in place
 
     def count_free_ticks(self, fish: Fish, stretch: Stretch) -> int:
         """Return how many ticks of a stretch are clear of other fish, even if the fish then stays.

@@ -162,11 +162,12 @@ class Planner:
         assert source is not None
         return source
 
-    def company(self, other_plans: Floats, tick: int) -> Company:
-        """Return the other fish of a tank as a fish that decides at a tick knows them.
+    def others_to_avoid(self, other_plans: Floats, tick: int) -> Company:
+        """Return the other fish as obstacles for a fish that decides at `tick`.
 
-        other_plans (n, m, 4): x, y px, heading, picture of m others in n ticks. There are none
-        where fish may overlap.
+        There are none where fish may overlap. other_plans (n, m, 4): x, y px, heading, picture of m
+        others in n ticks, from `tick` on. When a plan has ended, that fish counts as staying where
+        it ends; `give_way` Δ after the longest plan's end it does not count any more.
         """
         p = self.world.settings
         if p.overlap or not other_plans.shape[1]:
@@ -182,7 +183,7 @@ class Planner:
         others in n ticks, from the fish's present tick on.
         """
         fish = state.fish
-        company = self.company(other_plans, fish.tick)
+        company = self.others_to_avoid(other_plans, fish.tick)
         if company.near_count:  # number of fish that the search considers: here all
             company = sort_near_first(company, fish.x, fish.y, self.world.farthest_px)
         if company is fish.company:  # no others, before and now: both are `ALONE`

@@ -305,8 +305,10 @@ def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
 def _extend_branches(search, beam, branch_count, leg, outcomes, best):  # type: ignore[no-untyped-def]
     """Advance all branches by a leg; return the number of their extensions, and the `BestBranch`.
 
-    The beam, its branches and the outcomes are changed in place. search: `Search`; beam: its first
-    `branch_count` branches count; leg: its number; best: the `BestBranch` so far.
+    search: `Search`; beam: `Beam`, of which the first `branch_count` branches count; leg: its
+    number; outcomes: `Outcomes`, by candidate; best: the `BestBranch` so far. Beam, branches and
+    outcomes are changed in place. A branch that reaches the end of the search is compared with the
+    best; any other that can go on leaves its extensions in the beam: playing on, and its jumps.
     """
     graph = search.graph
     extension_count = np.int64(0)
@@ -323,12 +325,13 @@ def _extend_branches(search, beam, branch_count, leg, outcomes, best):  # type: 
         branch.cost = 0.0
         for t in range(branch.terms.size):
             branch.cost += branch.terms[t]
+        # No branch of the candidate has reached the end yet: note how long the longest is.
         if outcomes.costs[candidate] == np.inf:
             outcomes.ticks[candidate] = max(outcomes.ticks[candidate], branch.ticks)
         if not branch.leads_on:
             continue
         if is_done or branch.ticks >= search.horizon:  # at the end of the search
-            branch.leads_on = False
+            branch.leads_on = False  # so it is not extended below
             if branch.cost < outcomes.costs[candidate]:
                 outcomes.costs[candidate], outcomes.ticks[candidate] = branch.cost, branch.ticks
                 for t in range(branch.terms.size):
@@ -336,10 +339,11 @@ def _extend_branches(search, beam, branch_count, leg, outcomes, best):  # type: 
             if branch.cost < best.cost:
                 best = BestBranch(branch.cost, leg + 1, number)
         elif row_can_play_on(graph.film.rows, branch.row):
-            repeat = 0.0  # on a path it would cost more than to leave the path
+            repeat = 0.0  # on a path repetition is free: else a fish would rather leave the path
             if not search.objective.route.x.size:
                 repeat = _repetition_cost(search, beam, branch, branch.row)
-            extension = Extension(branch.cost + repeat, candidate, number, -1, repeat)
+            no_jump = -1
+            extension = Extension(branch.cost + repeat, candidate, number, no_jump, repeat)
             extension_count = insert_extension(beam, extension_count, extension, outcomes.displaced)
     for number in range(branch_count):  # by now most jumps cost more than the best extensions
         if beam.branches[number].leads_on:

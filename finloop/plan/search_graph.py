@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Ints
+from finloop.base.arrays import Ints, Mask
 from finloop.base.axes import to_body_axes
 from finloop.plan.cost import CostWeights
 from finloop.plan.graph import MotionGraph, ticks_to_film_end
@@ -47,26 +47,45 @@ def search_graph(
 ) -> SearchGraph:
     """Return the graph for a search through a film: its jumps, legs, and previews.
 
-    bounds: what keeps a fish inside the tank; preview_ticks: how many ticks ahead previews look.
+    A leg is what a branch plays before it may jump again, see `SearchGraph`. bounds: what keeps a
+    fish inside the tank; preview_ticks: how many ticks ahead previews look.
     """
-    rows = film.rows
-    numbers, run = np.arange(len(rows)), ticks_to_film_end(rows["has_next"])
-    # A jump leads on for a stride at least: branches of single ticks would cost least for a leg,
-    # and crowd out all others.
+    run = ticks_to_film_end(film.rows["has_next"])
+    # Jumps to where the film ends within a stride are dropped: branches with so short legs cost
+    # least after each leg, and would crowd out all others of the beam.
     film = film.keep_jumps(run[film.to] >= weights.stride)
     jumps = np.zeros(len(film.to), JUMP)
     jumps["cost"], jumps["to"] = weights.seam * film.seam, film.to
+    leg = _leg_ticks(film.rows["jump_slot"] >= 0, run, weights.stride)
+    previews = _make_previews(film.rows, np.minimum(run, preview_ticks))
+    return SearchGraph(film, jumps, bounds, run, leg, previews)
+
+
+def _leg_ticks(is_jump_row: Mask, run: Ints, stride: int) -> Ints:
+    """Return how many ticks (n,) a leg has that begins at each row; see `SearchGraph.leg`.
+
+    is_jump_row (n,): whether jumps can replace the row; run (n,): ticks to where the film ends.
+    """
+    rows = np.arange(len(run))
     # The last number, beyond all rows, is for rows without jumps farther on.
-    jump_rows = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
-    next_jump_rows = jump_rows[np.searchsorted(jump_rows, numbers + weights.stride)]
-    leg = np.minimum(run, next_jump_rows - numbers)
+    jump_rows = np.append(np.flatnonzero(is_jump_row), 2 * len(run))
+    next_jump_rows = jump_rows[np.searchsorted(jump_rows, rows + stride)]
+    return np.minimum(run, next_jump_rows - rows)
+
+
+def _make_previews(rows: NDArray[np.void], ticks: Ints) -> NDArray[np.void]:
+    """Return where the film leads from each row (n,), dtype `PREVIEW`; ticks (n,): it looks ahead.
+
+    rows (n,): of the motion graph, from each of which the film plays on for so many ticks.
+    """
     previews, headings = np.zeros(len(rows), PREVIEW), np.radians(rows["heading"])
-    previews["ticks"] = np.minimum(run, preview_ticks)
-    for prefix, ticks in (("", previews["ticks"]), ("half_", previews["ticks"] // 2)):
-        offset = np.column_stack([rows[axis][numbers + ticks] - rows[axis] for axis in "xy"])
+    previews["ticks"] = ticks
+    numbers = np.arange(len(rows))
+    for prefix, ticks_ahead in (("", ticks), ("half_", ticks // 2)):
+        offset = np.column_stack([rows[axis][numbers + ticks_ahead] - rows[axis] for axis in "xy"])
         previews[prefix + "ahead"], previews[prefix + "left"] = to_body_axes(offset, headings).T
         previews[prefix + "far"] = np.hypot(*offset.T)
         if not prefix:
             previews["dx"], previews["dy"] = offset.T
     previews["cos"], previews["sin"] = np.cos(headings), np.sin(headings)
-    return SearchGraph(film, jumps, bounds, run, leg, previews)
+    return previews

@@ -76,9 +76,10 @@ class Instrument:
         )
 
     def reduce_to_filmed_size(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """Return a copy of an edit list in which the fish are drawn as large as filmed.
+        """Return an edit list in which fish are as large as filmed: `edit` itself, or a copy.
 
-        Places shrink with the tank. Pixel centres lie at integers, so its corner is at −0.5 px.
+        Places shrink with the tank, towards its corner. Pixel centres lie at integers, so the
+        corner is at −0.5 px.
         """
         if self.fish_scale == 1:
             return edit

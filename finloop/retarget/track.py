@@ -81,16 +81,19 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
     return Track(name, rate_hz, frame, body, along, _body_length_px(body[complete], along))
 
 
-def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
-    """Return a track of a film's backbones (t, k, 2) px, head first.
+def track_from_backbones(
+    name: str, rate_hz: float, frame: Ints, backbone: Floats, steps: int
+) -> Track:
+    """Return a track of backbones (t, k, 2) px, resampled to the steps of another film's.
 
-    name: for messages; frame (t,): their numbers; steps: of a backbone of the drawn film; the track
-    has steps + 1 points.
+    name: of the film they come from, for messages; frame (t,): their frame numbers; backbone: its k
+    points are equally far apart, head first; steps: of a backbone in the film that is to be drawn.
+    The track has steps + 1 points.
     """
     along = np.arange(steps + 1) / steps
-    place = along * (line.shape[1] - 1)
-    points = interpolate_lines(line, place)
-    return Track(name, rate_hz, frame, points, along, _body_length_px(line, np.array([0.0, 1.0])))
+    points = interpolate_lines(backbone, along * (backbone.shape[1] - 1))
+    length_px = _body_length_px(backbone, np.array([0.0, 1.0]))
+    return Track(name, rate_hz, frame, points, along, length_px)
 
 
 def _select_animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:

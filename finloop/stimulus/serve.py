@@ -218,12 +218,12 @@ class SessionHub(DisplayHub):
                 self.session.press_key(message.key)
             case CalibrationMessage():
                 if self.session.phase in ("running", "waiting"):
-                    what = "a calibration in the middle of a session is refused"
+                    what = "a calibration while a trial runs or waits is refused"
                 else:
                     what = "the display was calibrated"
                     save_display(self._store, message.display)
                     self.feed.facts["display"] = message.display.model_dump(mode="json")
-                self.session.report_problem(what)
+                self.session.report_event(what)
             case VisibilityMessage():
                 self.session.set_hidden(message.on)
 

@@ -169,12 +169,12 @@ class Session:
         """Log an event with facts about it."""
         self.log.add_event(self.clock.read_time(), what, **facts)
 
-    def report_problem(self, what: str, **facts: Any) -> None:
-        """Show a problem to the experimenter, and log it with facts about it."""
+    def report_event(self, what: str, **facts: Any) -> None:
+        """Show an event to the experimenter, and log it, both with facts about it."""
         self.log_event(what, **facts)
         details = ", ".join(f"{name} {value}" for name, value in facts.items())
-        problem = f"{what}: {details}" if details else what
-        self.messages.append(f"{self.clock.read_time():.1f} s: {problem}")
+        text = f"{what}: {details}" if details else what
+        self.messages.append(f"{self.clock.read_time():.1f} s: {text}")
 
     # --- live animals
 
@@ -251,13 +251,13 @@ class Session:
         self.displays -= 1
         self.display = None if not self.displays else self.display
         if self.phase in ("running", "waiting"):
-            self.report_problem("the display has gone", trial=self.trials[self.trial_index].number)
+            self.report_event("the display has gone", trial=self.trials[self.trial_index].number)
 
     def set_hidden(self, on: bool) -> None:
         """Note that the display's page is hidden behind another one (`on`), or visible again."""
         if self.display is not None:
             self.display["hidden"] = on
-        self.report_problem(f"the display's page is {'hidden' if on else 'seen again'}")
+        self.report_event(f"the display's page is {'hidden' if on else 'seen again'}")
 
     def remaining_s(self, now: float) -> float | None:
         """Return how many s of the present trial are left at a session time; None if none runs."""
@@ -268,7 +268,7 @@ class Session:
         offset_s = wall_s - self.clock.read_time()
         jump_s = 0.0 if self._wall_offset_s is None else offset_s - self._wall_offset_s
         if abs(jump_s) > _JUMP_S:
-            self.report_problem("the computer's clock jumped", seconds=round(jump_s, 3))
+            self.report_event("the computer's clock jumped", seconds=round(jump_s, 3))
         self._wall_offset_s = offset_s
 
     # --- trials
@@ -323,7 +323,7 @@ class Session:
         if motion.rule is not None:
             return None
         if motion.again is not None and motion.again not in self._motions:
-            self.report_problem("left out, as no trial was shown of", condition=motion.again)
+            self.report_event("left out, as no trial was shown of", condition=motion.again)
             self._skip = True
             return None
         states = await asyncio.to_thread(plan_motion, self.scene, setup, self._motions)
@@ -350,7 +350,7 @@ class Session:
                 wrong = self._send_trigger(trigger.to, text)
                 self.log_event("trigger out", to=trigger.to, text=text)
                 if wrong:
-                    self.report_problem("a trigger was not sent", to=trigger.to, reason=wrong)
+                    self.report_event("a trigger was not sent", to=trigger.to, reason=wrong)
 
     async def _show_trial(self, trial: Trial, setup: TrialSetup, known: States | None) -> str:
         """Show a trial tick by tick; return how it ended: "end", "skip" or "abort".

@@ -29,16 +29,18 @@ def load_log_table(record: SessionRecord) -> pd.DataFrame:
 def measure_tick_errors_ms(table: pd.DataFrame) -> Floats:
     """Return by how many ms (n,) each tick was planned later than it should have been.
 
+    A tick should be planned `early_s` (of its trial) before `intended_s`, when it is to be shown.
     table: the session's log. Left out are ticks that were planned again, and the first ticks of a
-    trial, which are sent at once, as their planned time lies before its beginning.
+    trial, which are sent at once, as they should be planned before it begins.
     """
     trials = _parse_texts(table[table["kind"] == "trial"])
     early_s = {trial["number"]: trial["early_s"] for trial in trials if trial["what"] == "start"}
+    # Only ticks that were planned again have a verdict.
     ticks = table[(table["kind"] == "tick") & table["verdict"].isna()]
-    wanted_s = ticks["intended_s"] - ticks["trial"].map(early_s)
-    first_s = ticks.groupby("trial")["time_s"].transform("min")
-    errors_ms = 1e3 * (ticks["time_s"] - wanted_s)
-    return errors_ms[wanted_s > first_s].to_numpy(float)
+    due_s = ticks["intended_s"] - ticks["trial"].map(early_s)
+    trial_begins_s = ticks.groupby("trial")["time_s"].transform("min")
+    errors_ms = 1e3 * (ticks["time_s"] - due_s)
+    return errors_ms[due_s > trial_begins_s].to_numpy(float)
 
 
 def measure_reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:

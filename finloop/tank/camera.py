@@ -25,12 +25,12 @@ _BLEND_S = 2.0  # from one scene of a tour to the next
 class CameraViews(NamedTuple):
     """A camera at every tick: its place and the point that it looks at, both (ticks, 3) px.
 
-    height_px: half the height of what a parallel view shows; None where the view is perspective.
+    half_height_px: of what a parallel view shows; None where the view is perspective.
     """
 
     place: Floats
     aim: Floats
-    height_px: float | None = None
+    half_height_px: float | None = None
 
 
 class TankSize(NamedTuple):

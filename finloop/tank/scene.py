@@ -120,7 +120,7 @@ class TankScene:
         floor_pixels = self._floor_picture.point_data[_COLOURS]
         floor_pixels[:] = floor.reshape(floor_pixels.shape)
         water_points, colours = self._water.points_and_colours(
-            time_s, views.place[tick], parallel=views.height_px is not None
+            time_s, views.place[tick], parallel=views.half_height_px is not None
         )
         self._surface.points[:] = water_points
         self._surface.point_data[_COLOURS][:] = colours
@@ -132,13 +132,16 @@ class TankScene:
         return cv2.flip(vtk_to_numpy(self._pixels).reshape(height, width, 3), 0)
 
     def _aim_camera(self, views: CameraViews, tick: int) -> None:
-        """Place and aim VTK's camera for a tick; views: the camera at every tick."""
+        """Place and aim VTK's camera for a tick; views: the camera at every tick.
+
+        A parallel view is from above. VTK's parallel scale is half its height.
+        """
         camera = self._plotter.camera
         camera.position, camera.focal_point = views.place[tick], views.aim[tick]
-        camera.up = (0, 0, 1) if views.height_px is None else (0, 1, 0)
-        camera.SetParallelProjection(views.height_px is not None)
-        if views.height_px is not None:
-            camera.SetParallelScale(views.height_px)
+        camera.up = (0, 0, 1) if views.half_height_px is None else (0, 1, 0)
+        camera.SetParallelProjection(views.half_height_px is not None)
+        if views.half_height_px is not None:
+            camera.SetParallelScale(views.half_height_px)
         # Distances of the nearest and the farthest that is drawn: beyond the sky.
         camera.clipping_range = 0.2 * self._tank.body_length, 25 * self._tank.width
 

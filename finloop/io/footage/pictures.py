@@ -234,7 +234,7 @@ def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
     columns = np.array(numbers_in_names, float)
     differ = np.flatnonzero(np.ptp(columns, axis=0))
     if len(differ) == 2:
-        _refuse_two_cameras(folder, pictures, *columns[:, differ].T)
+        _refuse_several_cameras(folder, pictures, *columns[:, differ].T)
     if len(differ) != 1:
         return consecutive
     number = columns[:, differ[0]]
@@ -245,12 +245,15 @@ def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
     return np.rint((number - number[0]) / step).astype(np.int64)
 
 
-def _refuse_two_cameras(folder: Path, pictures: list[Path], camera: Floats, number: Floats) -> None:
+def _refuse_several_cameras(
+    folder: Path, pictures: list[Path], camera: Floats, number: Floats
+) -> None:
     """Raise FinloopError if a folder holds pictures such as cam1_0, cam1_1, …, cam2_0, cam2_1, ….
 
-    camera, number (n,): the first and the second number in the name of each picture. They are of
-    several cameras if nearly all second numbers occur with every first one, and count by ones.
-    Times of day, such as 59_960, 60_000, also have two numbers, but do not count so.
+    camera, number (n,): the first and the second number in the name of each picture; in both at
+    least two names differ. They are of several cameras if nearly all second numbers occur with
+    every first one, and count by ones. Times of day, such as 59_960, 60_000, also have two numbers,
+    but do not count so.
     """
     cameras = np.unique(camera)
     numbers_of = {value: set(number[camera == value]) for value in cameras}
