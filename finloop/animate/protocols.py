@@ -51,9 +51,9 @@ class AnyPlayer(Protocol):
         """Return the state of a fish at the beginning of a route, else at a random place."""
 
     def others_to_avoid(self, other_plans: Floats, tick: int) -> Company:
-        """Return the other fish of a tank as a fish that decides at a tick knows them.
+        """Return the other fish as obstacles for a fish that decides at `tick`.
 
-        other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.
+        other_plans (n, m, 4): x, y px, heading, picture of m others in n ticks, from `tick` on.
         """
 
     def with_company(self, state: State, other_plans: Floats) -> State:
