@@ -151,6 +151,36 @@ def _describe_animation(mode: str, marks: bool) -> str:
     return f"{does}. No sound." + (f" {shown}." if marks else "")
 
 
+def _comparison_film(p: ReportSettings) -> dict[str, Any]:
+    """Return the page's fields on the film of all modes side by side, which may not exist."""
+    fields: dict[str, Any] = {"beside": "", "modes": list(MODES.values())}
+    path = RENDER / "modes.mp4"
+    if path.is_file():
+        film, poster = load_film_below_size(path, round(p.max_film_mb * 1e6 / 2))
+        fields |= {
+            "beside": data_uri("video/mp4", film),
+            "beside_poster": encode_webp(poster, p.max_picture_width_px, p.picture_quality),
+        }
+    return fields
+
+
+def _list_parameters(
+    values: Mapping[str, Mapping[str, Any]], changes: list[str]
+) -> dict[str, list[tuple[str, str, bool]]]:
+    """Return by group each parameter's name, value, and whether it is another than in conf/.
+
+    values: by group and name. changes: overrides of conf/, `group.name=value` or `group=variant`.
+    """
+    changed = {change.partition("=")[0] for change in changes}
+    return {
+        group: [
+            (name, json.dumps(value).strip('"'), bool({f"{group}.{name}", group} & changed))
+            for name, value in parameters.items()
+        ]
+        for group, parameters in values.items()
+    }
+
+
 def main() -> None:
     """Write reports/index.html, the page of all results, and metrics to reports/report/.
 
@@ -163,23 +193,9 @@ def main() -> None:
     marked_film = RENDER / f"{mode}_marked.mp4"
     film_path = marked_film if marked_film.is_file() else RENDER / f"{mode}.mp4"
     film, poster = load_film_below_size(film_path, round(p.max_film_mb * 1e6))
-    comparison: dict[str, Any] = {"beside": "", "modes": list(MODES.values())}
-    if (RENDER / "modes.mp4").is_file():
-        panels, first = load_film_below_size(RENDER / "modes.mp4", round(p.max_film_mb * 1e6 / 2))
-        comparison |= {
-            "beside": data_uri("video/mp4", panels),
-            "beside_poster": encode_webp(first, p.max_picture_width_px, p.picture_quality),
-        }
     numbers = {word: load_numbers(REPORTS / word) for word in values if word != "report"}
     chapters, changes = list(_load_chapters(p)), list_overrides(values)
-    changed = {change.partition("=")[0] for change in changes}
-    parameters = {}  # group → (name, value, whether it is another than in conf/)
-    for group, settings in values.items():
-        parameters[group] = [
-            (key, json.dumps(value).strip('"'), bool({f"{group}.{key}", group} & changed))
-            for key, value in settings.items()
-        ]
-    page = comparison | {
+    page = _comparison_film(p) | {
         "title": "A fish, filmed once and steered for ever",
         "facts": _describe_film(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
         "film": data_uri("video/mp4", film),
@@ -191,7 +207,7 @@ def main() -> None:
         "sections": chapters,
         "table_2": table_of_data_frame(pd.read_csv(TIMES), TIMES_TITLE, 3),
         "tank": f"../{TANK.as_posix()}" if TANK.is_file() else "",
-        "parameters": parameters,
+        "parameters": _list_parameters(values, changes),
         "commands": [
             "make setup",
             ".venv/bin/dvc exp run" + "".join(f" -S '{change}'" for change in changes),

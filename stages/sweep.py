@@ -220,17 +220,7 @@ class RunMaker:
         A line is printed when a run ends. An existing experiment with the present code and the same
         parameters is not run again.
         """
-        failures, todo = dict[str, str](), list[str]()
-        for name, changes in runs.items():
-            try:
-                params = compose_params(changes)
-            except FinloopError as error:
-                failures[name] = str(error)
-                _print_failure(name, failures[name])
-                continue
-            commit = self.existing.get(name)
-            if not (commit and _has_same_code_and_params(commit, params)):
-                todo.append(name)
+        todo, failures = self._choose_runs_to_make(runs)
         if not todo:
             return failures
         at_once = min(self.jobs, len(todo))
@@ -257,7 +247,7 @@ class RunMaker:
                     while True:
                         make_next(clone, len(self._clones))
 
-            # The first alone if a stage that all need has not run, so that it runs once.
+            # A stage that all runs need and none has run: one run at a time until one succeeds.
             while self.shared and todo:
                 if make_next(self._clones[0], 1):
                     self.shared = False
@@ -267,6 +257,26 @@ class RunMaker:
                 finally:
                     todo.clear()  # an interrupted sweep starts no further runs
         return failures
+
+    def _choose_runs_to_make(
+        self, runs: Mapping[str, list[str]]
+    ) -> tuple[list[str], dict[str, str]]:
+        """Return the names of runs that are no experiments yet, and those that fail, with causes.
+
+        A run fails here if its overrides are wrong. runs: name → overrides.
+        """
+        todo, failures = list[str](), dict[str, str]()
+        for name, changes in runs.items():
+            try:
+                params = compose_params(changes)
+            except FinloopError as error:
+                failures[name] = str(error)
+                _print_failure(name, failures[name])
+                continue
+            commit = self.existing.get(name)
+            if not (commit and _has_same_code_and_params(commit, params)):
+                todo.append(name)
+        return todo, failures
 
     def _open_clones(self, count: int) -> None:
         """Make clones until there are `count`; find out whether the first run must go alone.
@@ -296,18 +306,7 @@ def plan_sweep(
     the varied stages and of `animate`. changes: other fields of the experiment, None = as declared.
     FinloopError if there is nothing to vary, or a name is unknown.
     """
-    # Sort the words into names of sweeps, parameters that vary, and overrides of every run.
-    names = [word for word in words if "=" not in word]
-    varied, fixed = dict[str, str](), list[str]()
-    for word in (word for word in words if "=" in word):
-        try:
-            override = OverridesParser.create().parse_override(word)
-        except HydraException as error:
-            raise quoting_error([word]) or error from error
-        if override.is_sweep_override():
-            varied[override.get_key_element()] = word.partition("=")[2]
-        else:
-            fixed.append(word)
+    names, varied, fixed = _sort_words(words)
     if len(names) > 1 or not (names or varied):
         given = " ".join(fixed)
         raise FinloopError(
@@ -318,16 +317,16 @@ def plan_sweep(
             f"name one of {', '.join(list_sweeps())}, or give a parameter several values",
         )
     # What the named sweep declares, changed by what was typed.
-    values: dict[str, Any] = {"title": " and ".join(varied), "why": "", "seen": ""}
+    fields: dict[str, Any] = {"title": " and ".join(varied), "why": "", "seen": ""}
     if names:
-        values = asdict(load_experiment(names[0]))
-    values |= {"params": values.get("params", {}) | varied}
-    values |= {key: value for key, value in changes.items() if value is not None}
-    groups = dict.fromkeys(key.partition(".")[0] for key in values["params"])
+        fields = asdict(load_experiment(names[0]))
+    fields |= {"params": fields.get("params", {}) | varied}
+    fields |= {key: value for key, value in changes.items() if value is not None}
+    groups = dict.fromkeys(key.partition(".")[0] for key in fields["params"])
     if measures or not names:
-        values["measures"] = list(measures) or _headline_measures(groups)
+        fields["measures"] = list(measures) or _headline_measures(groups)
     name = names[0] if names else "-".join(key.partition(".")[2] for key in varied)
-    plan, problems = check_values(FOLDER, {name: Experiment}, values)
+    plan, problems = check_values(FOLDER, {name: Experiment}, fields)
     if plan is None:
         raise FinloopError(
             "\n    ".join(problem.removeprefix(f"{FOLDER}: ") for problem in problems),
@@ -335,6 +334,28 @@ def plan_sweep(
             f"correct it; `make params S=help={next(iter(groups))}` prints the parameters",
         )
     return name, plan, fixed
+
+
+def _sort_words(words: Sequence[str]) -> tuple[list[str], dict[str, str], list[str]]:
+    """Return the names among words, the values of parameters that vary, and the other overrides.
+
+    The values are by `group.key`, in Hydra's notation, as "1,2". FinloopError if a word with "=" is
+    no override of Hydra.
+    """
+    names, varied, fixed = list[str](), dict[str, str](), list[str]()
+    for word in words:
+        if "=" not in word:
+            names.append(word)
+            continue
+        try:
+            override = OverridesParser.create().parse_override(word)
+        except HydraException as error:
+            raise quoting_error([word]) or error from error
+        if override.is_sweep_override():
+            varied[override.get_key_element()] = word.partition("=")[2]
+        else:
+            fixed.append(word)
+    return names, varied, fixed
 
 
 def list_sweeps() -> list[str]:

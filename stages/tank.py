@@ -68,6 +68,25 @@ def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
     ])  # fmt: skip
 
 
+def _save_3d_files(
+    folder: Path, tank: TankSize, fish: list[FishSurface], project: Project
+) -> list[AnimatedFish]:
+    """Write the tank as tank.glb, and as tank.html, which shows it; return the fish of both."""
+    first, rate = fish[0], project.rate_hz
+    animated = [
+        AnimatedFish(
+            principal_shapes(surface.points_of_all_ticks(), surface.poses.heading),
+            surface.place, surface.poses.heading,
+        )
+        for surface in fish
+    ]  # fmt: skip
+    glb = encode_tank_glb(tank, project.background, first.typical_skin(), animated, rate)
+    save_bytes(folder / "tank.glb", glb)
+    path = [to_gltf_axes((place - tank.middle) / tank.body_length) for place in first.place]
+    save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, path, rate)
+    return animated
+
+
 def main() -> None:
     """Draw the animation in three dimensions: a film, a picture, a glTF scene and a page.
 
@@ -76,7 +95,7 @@ def main() -> None:
     p: TankSettings = load_settings("tank")
     choose_window()
     with Project() as project, whole_folder(OUT) as folder:
-        facts, background, rate = project.facts, project.background, project.rate_hz
+        facts, rate = project.facts, project.rate_hz
         fish, time = animated_fish(p, project)
         first, ticks = fish[0], len(time)
         depth, size = p.water_depth_bl * first.length_px, (p.width_px, p.height_px)
@@ -85,7 +104,7 @@ def main() -> None:
             name: camera_views(name, tank, first.place, first.poses.heading, rate)
             for name in (*PRESETS, p.camera)
         }
-        with TankScene(background, tank, size, len(fish)) as scene:
+        with TankScene(project.background, tank, size, len(fish)) as scene:
 
             def draw_view(camera: str, tick: int) -> np.ndarray:
                 """Return the picture (h, w, 3) of the tank that a camera sees at a tick."""
@@ -95,7 +114,7 @@ def main() -> None:
             save_picture(folder / "still.png", draw_view(FOLLOW, first.find_bent_tick()))
             # In the middle of each of MOMENTS equal parts of the film; a row for each camera.
             moments = np.linspace(0, ticks - 1, 2 * MOMENTS + 1).astype(int)[1::2]
-            rows = [[draw_view(name, int(tick)) for tick in moments] for name in PRESETS]
+            sheet = [[draw_view(name, int(tick)) for tick in moments] for name in PRESETS]
             with (
                 report_progress("tank", ticks) as advance,
                 Mp4Writer(folder / "tank.mp4", (*size[::-1], 3), facts.frame_rate, p.crf) as film,
@@ -103,22 +122,12 @@ def main() -> None:
                 for tick in range(ticks):
                     film.write(draw_view(p.camera, tick))
                     advance()
-        bodies = [
-            AnimatedFish(
-                principal_shapes(surface.points_of_all_ticks(), surface.poses.heading),
-                surface.place, surface.poses.heading,
-            )
-            for surface in fish
-        ]  # fmt: skip
-        glb = encode_tank_glb(tank, background, first.typical_skin(), bodies, rate)
-        save_bytes(folder / "tank.glb", glb)
-        path = [to_gltf_axes((place - tank.middle) / tank.body_length) for place in first.place]
-        save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, path, rate)
-    save_picture(REPORT / "contact_sheet.png", _join_sheet(rows))
-    error_px = max(body.shape.error_px for body in bodies)
+        animated = _save_3d_files(folder, tank, fish, project)
+    save_picture(REPORT / "contact_sheet.png", _join_sheet(sheet))
+    error_px = max(body.shape.error_px for body in animated)
     numbers = {
         "frames": ticks, "duration_s": ticks / rate,
-        "gltf_shapes": max(len(body.shape.modes) for body in bodies), "gltf_error_px": error_px,
+        "gltf_shapes": max(len(body.shape.modes) for body in animated), "gltf_error_px": error_px,
         "gltf_error_pct_of_length": 100 * error_px / first.length_px,
     }  # fmt: skip
     save_metrics(REPORT / "metrics.json", numbers)

@@ -58,23 +58,14 @@ def make_trials(
 ) -> tuple[Overrides, dict[str, str], str]:  # fmt: skip
     """Run the trials of a sweep; return its runs, the failed ones (name → cause), and a sentence.
 
-    name: of the sweep. present: seed parameter → its present value. at_once: trials at a time.
-    make: makes runs, and returns those that failed, with causes. measure: returns a run's measure,
-    from the names of both. FinloopError if Optuna is missing, or the goal has no direction.
+    A trial is one combination of values, and has a run for each seed. After each seed, trials that
+    do worse than others end. name: of the sweep. present: seed parameter → its present value.
+    at_once: trials at a time. make: makes runs, and returns those that failed, with causes.
+    measure: returns a run's measure, from the names of both. FinloopError if Optuna is missing, or
+    the goal has no direction.
     """
     goal, direction = choose_goal(plan)
-    try:
-        import optuna
-    except ImportError as error:
-        raise FinloopError(
-            "Optuna is not installed", "the environment of requirements.lock", "make setup"
-        ) from error
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    study = optuna.create_study(
-        direction="maximize" if direction == HIGHER else "minimize",
-        sampler=optuna.samplers.TPESampler(seed=0, constant_liar=True),
-        pruner=optuna.pruners.MedianPruner(n_startup_trials=UNPRUNED),
-    )
+    study, states = _create_study(direction)
     space = {key: optuna_distribution(values) for key, values in plan.params.items()}
     seeds = range(plan.seeds if present else 1)
     runs, failures = Overrides(), dict[str, str]()
@@ -92,17 +83,38 @@ def make_trials(
             for trial, run_name in run_names.items():
                 value = None if run_name in failures else measure(run_name, goal)
                 if value is None:
-                    study.tell(trial, state=optuna.trial.TrialState.FAIL)
+                    study.tell(trial, state=states.FAIL)
                     del results[trial]
                     continue
                 results[trial].append(value)
                 trial.report(float(np.mean(results[trial])), seed)
                 if seed < seeds[-1] and trial.should_prune():
-                    study.tell(trial, state=optuna.trial.TrialState.PRUNED)
+                    study.tell(trial, state=states.PRUNED)
                     del results[trial]
         for trial, reported in results.items():
             study.tell(trial, float(np.mean(reported)))
     return runs, failures, _describe_study(study, goal)
+
+
+def _create_study(direction: str) -> tuple[Any, Any]:
+    """Return a new study of Optuna, and Optuna's names of the states that a trial ends in.
+
+    direction: whether more is better (HIGHER) or less.
+    FinloopError if Optuna is missing.
+    """
+    try:
+        import optuna
+    except ImportError as error:
+        raise FinloopError(
+            "Optuna is not installed", "the environment of requirements.lock", "make setup"
+        ) from error
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(
+        direction="maximize" if direction == HIGHER else "minimize",
+        sampler=optuna.samplers.TPESampler(seed=0, constant_liar=True),
+        pruner=optuna.pruners.MedianPruner(n_startup_trials=UNPRUNED),
+    )
+    return study, optuna.trial.TrialState
 
 
 def _format_value(item: tuple[str, Any]) -> tuple[str, str]:

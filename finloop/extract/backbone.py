@@ -480,8 +480,8 @@ def _quantile_of_few(values, share):  # type: ignore[no-untyped-def]
 def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-def]
     """Turn a path through a skeleton into a backbone; return its points, half widths and length.
 
-    fields: the difference images (h, w) from the empty tank, unchanged for the sides, without
-    notches for the tips; path: (m, 2) px; smooth: matrix (n, n) that smooths the n points; floor:
+    fields: two difference images (h, w) from the empty tank: unchanged, for the sides, and without
+    notches, for the tips; path: (m, 2) px; smooth: matrix (n, n) that smooths the n points; floor:
     grey levels, lower values are noise. The path is extended to the outline, centred between the
     sides, smoothed and resampled, three times. Points (n, 2), half widths (n,) and length are in
     px.

@@ -5,7 +5,6 @@ Cut-outs are (h, w, channels) uint8, colour premultiplied by alpha, the last cha
 """
 
 import shutil
-from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
@@ -46,7 +45,7 @@ class FishScaling(NamedTuple):
 class FilmContribution(NamedTuple):
     """How many rows and tracks one of several films adds, and how its fish are scaled.
 
-    like: makes its fish as long and as bright as those of the first film.
+    like: the scaling, which makes them as long and as bright as those of the first film.
     """
 
     name: str
@@ -95,9 +94,9 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
     first_levels = None  # median grey levels of the first film's fish
     with ExitStack() as stack:
         write = stack.enter_context(table_writer(folder / TRACKS_NAME, tracks_schema(scene.points)))
-        write_given = None
+        write_external = None  # writes the rows of another tracking program
         if (first / GIVEN_NAME).exists():
-            write_given = stack.enter_context(table_writer(folder / GIVEN_NAME, GIVEN))
+            write_external = stack.enter_context(table_writer(folder / GIVEN_NAME, GIVEN))
         cutouts = stack.enter_context(CutoutWriter(folder / CUTOUTS_NAME))
         for part in parts:
             if part.name in errors:
@@ -106,32 +105,42 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
             if not len(film.rows):
                 contributions.append(FilmContribution(part.name, 0, 0, FishScaling()))
                 continue
-            # How its fish become like those of the first film, by size and light.
-            grey = film.facts.colour and not joint.colour
-            sample = film.rows[np.unique(np.linspace(0, len(film.rows) - 1, _SAMPLE).astype(int))]
+            drop_colour = film.facts.colour and not joint.colour
             with open_cutouts(film.home / CUTOUTS_NAME) as store:
-                film_levels = _median_levels((store[row] for row in sample.tolist()), grey)
-                first_levels = film_levels if first_levels is None else first_levels
-                length = film.scene.typical_length_px
+                levels = _median_levels(store, film.rows, drop_colour)
+                first_levels = levels if first_levels is None else first_levels
                 scaling = find_fish_scaling(
-                    length, scene.typical_length_px, film_levels, first_levels, grey
-                )
-                # Its rows, on tracks that are numbered after those of the films before.
-                table = _scale_measures(film.table, scaling)
-                track = np.unique(table["track_id"], return_inverse=True)[1]
-                track += sum(earlier.tracks for earlier in contributions)
-                table = table.assign(track_id=track.astype("int32"))
+                    film.scene.typical_length_px, scene.typical_length_px, levels, first_levels,
+                    drop_colour,
+                )  # fmt: skip
+                tracks_before = sum(earlier.tracks for earlier in contributions)
+                table = _renumber_tracks(_scale_measures(film.table, scaling), tracks_before)
                 write(table)
-                if write_given:  # places of another tracking program
-                    rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
-                    rows = _scale_measures(rows.reset_index(drop=True), FishScaling(scaling.scale))
-                    animal = film.part.name + "-" + rows["animal"].astype(str)  # each has a "1"
-                    keys = table[["track_id", "frame"]]
-                    write_given(rows.assign(**keys, animal=animal))
+                if write_external:
+                    write_external(_joint_external_rows(film, table, scaling.scale))
                 _copy_cutouts(cutouts, store, film.rows, table, scaling)
             tracks = table["track_id"].nunique()
             contributions.append(FilmContribution(part.name, len(film.rows), tracks, scaling))
     return contributions
+
+
+def _renumber_tracks(table: pd.DataFrame, first_track: int) -> pd.DataFrame:
+    """Return a table whose tracks have successive numbers from `first_track` on, in their order."""
+    track = np.unique(table["track_id"], return_inverse=True)[1] + first_track
+    return table.assign(track_id=track.astype("int32"))
+
+
+def _joint_external_rows(film: _FilmTracks, table: pd.DataFrame, scale: float) -> pd.DataFrame:
+    """Return the rows of a film's external tracks that belong to its rows in the joint table.
+
+    External tracks are those of another tracking program. table: the film's rows in the joint
+    table, whose tracks and frames they get. scale: factor on lengths. Animals get the film's name
+    in front, because each film may have an animal "1".
+    """
+    rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
+    rows = _scale_measures(rows.reset_index(drop=True), FishScaling(scale))
+    animal = film.part.name + "-" + rows["animal"].astype(str)
+    return rows.assign(**table[["track_id", "frame"]], animal=animal)
 
 
 def _load_film_tracks(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> _FilmTracks:
@@ -169,14 +178,15 @@ def _copy_cutouts(
         writer.write(match_cutout(store[row], scaling)._replace(track_id=track_id, frame=frame))
 
 
-def _median_levels(cutouts: Iterable[Cutout], drop_colour: bool) -> Floats:
-    """Return the median levels (channels,), 0 … 255, of the opaque pixels in cut-outs.
+def _median_levels(store: CutoutStore, rows: Rows, drop_colour: bool) -> Floats:
+    """Return the median levels (channels,), 0 … 255, of the opaque pixels in a film's cut-outs.
 
-    drop_colour: whether RGB counts as grey.
+    They are measured in a sample of its rows. drop_colour: whether RGB counts as grey.
     """
     opaque = []
-    for cutout in cutouts:
-        pixels = _drop_colour(cutout.pixels) if drop_colour else cutout.pixels
+    for row in rows[np.unique(np.linspace(0, len(rows) - 1, _SAMPLE).astype(int))].tolist():
+        pixels = store[row].pixels
+        pixels = _drop_colour(pixels) if drop_colour else pixels
         opaque.append(pixels[pixels[..., -1] >= _OPAQUE][:, :-1])
     return np.median(np.concatenate(opaque), axis=0)
 

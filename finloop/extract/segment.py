@@ -111,16 +111,10 @@ def find_silhouettes(
         right, bottom = min(x + w + _PAD, width), min(y + h + _PAD, height)
         patch = change[top:bottom, left:right]
         contrast = quantile_above(patch, scene.threshold, _CONTRAST)
-        level = max(int(scene.threshold), int(edge_rule.share * contrast))
-        above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
-        if edge_rule.thin:
-            thin_level = max(int(scene.threshold), int(THIN_EDGE * contrast))
-            above = add_thin_parts(above, patch, thin_level)
         film, tank = (picture[top:bottom, left:right] for picture in (frame, scene.background))
-        if scene.polarity == "both":
-            above = _add_dark_skin(above, patch > scene.threshold, film, tank, edge_rule.shadow)
+        animal = _find_animal_pixels(patch, contrast, film, tank, scene, edge_rule)
         parts = []
-        for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
+        for edge in cv2.findContours(animal, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
             pixel = float(left + edge[0, 0, 0]), float(top + edge[0, 0, 1])
             if cv2.pointPolygonTest(patch_edge, pixel, measureDist=False) < 0:
                 continue  # it belongs to a neighbouring patch in the same rectangle
@@ -136,6 +130,25 @@ def find_silhouettes(
                 darker = (gain if gain.ndim == 2 else gain.sum(axis=2)) < 0
                 pale &= darker if edge_rule.fins == "darker" else ~darker
             yield from _assign_pale_pixels(parts, patch_edge, patch, (left, top), pale)
+
+
+def _find_animal_pixels(
+    patch: Picture, contrast: float, film: Picture, tank: Picture, scene: Scene,
+    edge_rule: SilhouetteEdge,
+) -> Picture:  # fmt: skip
+    """Return which pixels of a patch show an animal: (h, w) uint8, 255 where they do.
+
+    patch: (h, w), difference of film and tank, grey levels; contrast: of its animals; film, tank:
+    (h, w[, 3]), the patch with and without animals; edge_rule: which pixels belong to them.
+    """
+    level = max(int(scene.threshold), int(edge_rule.share * contrast))
+    animal = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
+    if edge_rule.thin:
+        thin_level = max(int(scene.threshold), int(THIN_EDGE * contrast))
+        animal = add_thin_parts(animal, patch, thin_level)
+    if scene.polarity == "both":
+        animal = _add_dark_skin(animal, patch > scene.threshold, film, tank, edge_rule.shadow)
+    return animal
 
 
 def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> Picture:

@@ -18,13 +18,14 @@ from finloop.base.arrays import Picture
 from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
+from finloop.extract.background import Scene
 from finloop.extract.given import ExternalTrackLinker
 from finloop.extract.load_given import (
     check_external_tracks,
     load_external_tracks,
     save_external_tracks,
 )
-from finloop.extract.samples import Verdict, measure_scene_and_fish
+from finloop.extract.samples import TypicalFish, Verdict, measure_scene_and_fish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import require_free_space
@@ -81,37 +82,37 @@ def extract_tracks(
     disk has too little space, or no fish can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
-    given = load_external_tracks(clip, facts, p) if p.tracks_path else None
+    external_tracks = load_external_tracks(clip, facts, p) if p.tracks_path else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
     frames = load_sample_frames(clip / CLIP_NAME, facts, p.samples)
     scene, typical = measure_scene_and_fish(frames, arena, p, Threads(THREADS))
+    detector = film.Detector(arena, typical, p)
+    every = math.ceil(len(frames) / _LOOKED_AT)
+    sample = [detector(frame, scene) for frame in frames[::every]]
+    _refuse_small_disk(folder, facts.frames, sample, pieces)
+    linker, agreement = None, None
+    if external_tracks:
+        agreement = check_external_tracks(external_tracks, clip, facts, scene, detector)
+        linker = ExternalTrackLinker(external_tracks, typical.length_px, p.min_track_frames)
     # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
     store = pieces.load_or_make if pieces else None
     stream = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, store)
-    detector = film.Detector(arena, typical, p)
-    step = math.ceil(len(frames) / _LOOKED_AT)
-    sample = [detector(frame, scene) for frame in frames[::step]]
-    _refuse_small_disk(folder, facts.frames, sample, pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
-    linker, agreement = None, None
-    if given:
-        agreement = check_external_tracks(given, clip, facts, scene, detector)
-        linker = ExternalTrackLinker(given, typical.length_px, p.min_track_frames)
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         """Yield the fish of long tracks, frame by frame, and count them."""
         detections = film.fill_lost_frames(
             film.detect_in_clip(stream, scene, detector, workers), lost
         )
-        runs = (
+        tracked = (
             linker.link_frames(detections, cuts)
             if linker
             else film.link_tracks(detections, typical, p, cuts)
         )
-        for frame_verdicts, fish in runs:
+        for frame_verdicts, fish in tracked:
             verdicts.update(frame_verdicts)
             lengths.update(f.track_id for f in fish)
             advance()
@@ -122,7 +123,22 @@ def extract_tracks(
             write(film.track_table_rows(fish), film.fish_cutouts(fish))
     if not lengths:
         raise linker.no_track_error() if linker else film.no_track_error(p, verdicts)
-    tank = SceneFacts(
+    scene_facts = _scene_facts(scene, typical, p.points)
+    save_record(folder / SCENE_NAME, scene_facts)
+    save_picture(folder / BACKGROUND_NAME, scene.background)
+    external_metrics = {}
+    if external_tracks and linker and agreement:
+        save_external_tracks(folder, external_tracks, p.points)
+        external_metrics = linker.metrics(agreement)
+    return Extraction(scene_facts, verdicts, lengths, external_metrics, lost)
+
+
+def _scene_facts(scene: Scene, typical: TypicalFish, points: int) -> SceneFacts:
+    """Return what later stages need to know of a scene and its typical fish.
+
+    points: number of backbone points.
+    """
+    return SceneFacts(
         polarity=scene.polarity,
         noise_grey=scene.noise,
         threshold_grey=scene.threshold,
@@ -130,18 +146,11 @@ def extract_tracks(
         typical_length_px=typical.length_px,
         typical_contrast_grey=typical.contrast,
         fins=typical.fins,
-        points=p.points,
+        points=points,
         thin=typical.thin,
         typical_edge_px=typical.edge_px,
         limbs=typical.limbs,
     )
-    save_record(folder / SCENE_NAME, tank)
-    save_picture(folder / BACKGROUND_NAME, scene.background)
-    given_metrics = {}
-    if given and linker and agreement:
-        save_external_tracks(folder, given, p.points)
-        given_metrics = linker.metrics(agreement)
-    return Extraction(tank, verdicts, lengths, given_metrics, lost)
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:

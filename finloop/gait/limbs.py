@@ -109,14 +109,8 @@ def limb_contours(
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
     notes = _check_regions(regions, first)
     place_names = [BODY] if BODY in regions else names  # their mean is the place of the body
-    places = []
-    for name in place_names:
-        centres = [
-            area_centroids(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
-            for region in regions[name]
-        ]
-        places.append(fill_gaps(np.array(centres)))
-    course = smooth_track(np.mean(places, axis=0), smooth_frames)  # of the body in the picture
+    track = _mean_centres([regions[name] for name in place_names])
+    course = smooth_track(track, smooth_frames)  # of the body in the picture
     points = dict[str, Floats]()
     for name in limb_names:
         if name not in points:
@@ -128,6 +122,21 @@ def limb_contours(
     points = {name: points[name] for name in limb_names}  # in the order of the film
     length_px = _median_contour_width([regions[name] for name in place_names])
     return Limbs(points, course, length_px, notes)
+
+
+def _mean_centres(regions: Sequence[Sequence[Region]]) -> Floats:
+    """Return the mean of several regions' mass centres in each frame, (frames, 2) px.
+
+    regions: for each id, one for each frame. Gaps in the path of a region are filled.
+    """
+    centres = []
+    for frames in regions:
+        places = [
+            area_centroids(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
+            for region in frames
+        ]
+        centres.append(fill_gaps(np.array(places)))
+    return np.asarray(np.mean(centres, axis=0))
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:

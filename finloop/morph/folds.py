@@ -204,11 +204,12 @@ def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int
 
     Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
     more. first_only: stop at the first pair; the result then says only whether there is one.
+    Bounding boxes of edges, and of blocks of BLOCK successive edges, rule out most pairs.
     """
     n = len(points)
     edges = n if closed else n - 1
     count = 0
-    for i in range(edges):
+    for i in range(edges):  # each edge p-q and the next one, q-r
         j = i + 1 if i + 1 < n else 0
         k = j + 1 if j + 1 < n else 0
         px, py, qx, qy = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
@@ -219,6 +220,7 @@ def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int
             count += _turns_back(px, py, qx, qy, rx, ry)
     if first_only and count:
         return count
+    # All other pairs of edges i < j, by the blocks that they are in.
     boxes = _edge_boxes(np.hstack((points, points)), edges)
     blocks = _merge_boxes(boxes)
     for block in range(len(blocks)):

@@ -135,7 +135,9 @@ def paint_strips(
 def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
     """Return how far [px] the animal is visible beside each step of its backbone, (m - 1, 2).
 
-    film: (h, w, c), alpha last; strip: the cross-sections along the backbone.
+    film: (h, w, c), alpha last; strip: the m cross-sections along the backbone. From far outside, a
+    ray along each side of a section is followed towards the backbone until a pixel has alpha. Its
+    distance is given as if the backbone were straight (`unsqueeze_offset`).
     """
     height, width, channels = film.shape
     m = len(strip.points)
@@ -145,8 +147,8 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
         for side in range(2):
             sign, limit = 1 - 2 * side, strip.limits[i, side]
             nx, ny = sign * strip.normals[i, 0], sign * strip.normals[i, 1]
-            offset = min(limit, height + width)  # at most to the picture's edges
-            # A ray that is nearly parallel to an edge does not meet it.
+            # The ray begins at the edge of the picture; one nearly parallel to an edge misses it.
+            offset = min(limit, height + width)
             if abs(nx) > _ONE / 1024:
                 offset = min(offset, max((width - 1 - x) / nx, -x / nx))
             if abs(ny) > _ONE / 1024:
@@ -206,31 +208,35 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
 def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyped-def]
     """Draw the part of the animal along step i of its backbone into the canvas, changing it.
 
-    canvas, film, layout, mode, corner: as in `paint_strips`.
+    canvas: (H, W, c), 0 … 1; film: (h, w, c), 0 … 255; both premultiplied, alpha last. layout:
+    `StripLayout`; mode: `DrawingMode`; corner: row and column of the canvas's first pixel in the
+    picture. For each pixel between the step's two sections: its place beside and along the new
+    backbone, the place of that in the film, and the film's colour there.
     """
     height, width, channels = canvas.shape
     front, rear = _section_at(layout.new_strip, i), _section_at(layout.new_strip, i + 1)
     film_front, film_rear = _section_at(layout.film_strip, i), _section_at(layout.film_strip, i + 1)
     left, right = layout.reach[i, 0], layout.reach[i, 1]
-    # The four corners of the part, and the rows and columns of the canvas that they span.
-    xs = (
+    # The four corners of the step: left and right of its front and rear.
+    corners_x = (
         front.x + left * front.nx,
         front.x - right * front.nx,
         rear.x + left * rear.nx,
         rear.x - right * rear.nx,
     )
-    ys = (
+    corners_y = (
         front.y + left * front.ny,
         front.y - right * front.ny,
         rear.y + left * rear.ny,
         rear.y - right * rear.ny,
     )
+    # The rows and columns that they span, as far as the canvas shows them.
     top_px, left_px = corner
-    low, high = max(min(xs), left_px), min(max(xs), left_px + width - 1.0)
-    first, last = max(min(ys), top_px), min(max(ys), top_px + height - 1.0)
-    for y in range(math.ceil(first), math.floor(last) + 1):
+    low_x, high_x = max(min(corners_x), left_px), min(max(corners_x), left_px + width - 1.0)
+    low_y, high_y = max(min(corners_y), top_px), min(max(corners_y), top_px + height - 1.0)
+    for y in range(math.ceil(low_y), math.floor(high_y) + 1):
         start, stop = _row_span(y, front, rear)
-        for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
+        for x in range(math.ceil(max(start, low_x)), math.floor(min(stop, high_x)) + 1):
             # Distances from both sections: the pixel is between them if none is negative.
             from_front = (x - front.x) * front.ny - (y - front.y) * front.nx
             from_rear = (rear.x - x) * rear.ny - (rear.y - y) * rear.nx
@@ -238,17 +244,17 @@ def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyp
                 continue
             share = from_front / (from_front + from_rear)
             beside, along = _strip_place(x, y, front, rear, share)
-            beside, along = beside * mode.across, along * mode.across
+            beside, along = beside * mode.across, along * mode.across  # in px of the film
             if mode.mirrored:
                 beside = -beside
             u, v = _film_place(beside, along, share, film_front, film_rear)
-            if u >= HIDDEN:
+            if u >= HIDDEN:  # the film does not show it
                 continue
             red, green, blue, alpha = (
                 _sample_cubically(film, u, v) if mode.sharp else _sample_linearly(film, u, v)
             )
             pixel = canvas[y - top_px, x - left_px]
-            if alpha > pixel[channels - 1]:
+            if alpha > pixel[channels - 1]:  # of two parts of the body the more opaque one
                 pixel[0] = red
                 if channels == 4:
                     pixel[1] = green

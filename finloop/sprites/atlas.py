@@ -182,30 +182,15 @@ def atlas_page_json(
     corner = index[["x0_px", "y0_px"]].to_numpy() - middles[index["sprite"]]
     size = index[["width_px", "height_px"]].to_numpy()
     reach = int(max((-corner).max(), (corner + size - 1).max()))
-    # The sprites' rectangles and pivots, by name.
     corners = index.set_index(_KEY)[["x0_px", "y0_px"]]
     frames: dict[str, dict[str, Any]] = {}
     groups: dict[str, list[str]] = {}
     for slot in page.slots:
-        (x, y), (left, top) = centres[slot.sprite], corners.loc[slot[:2]]
-        origin_x, origin_y = (middles[slot.sprite] - reach).astype(int).tolist()
-        pivot = {
-            "x": round((x - origin_x + 0.5) / (2 * reach + 1), 6),
-            "y": round((y - origin_y + 0.5) / (2 * reach + 1), 6),
-        }
+        corner_px = corners.loc[(slot.sprite, slot.orientation)].to_numpy()
         frames[slot.name] = {
-            "frame": {"x": slot.x, "y": slot.y, "w": slot.width, "h": slot.height},
-            "rotated": False,
-            "trimmed": True,
-            "spriteSourceSize": {
-                "x": int(left - origin_x), "y": int(top - origin_y), "w": slot.width,
-                "h": slot.height,
-            },
-            "sourceSize": {"w": 2 * reach + 1, "h": 2 * reach + 1},
-            "pivot": pivot,
-            "anchor": pivot,  # PixiJS's name for it
+            **_frame_rectangles(slot, corner_px, centres[slot.sprite], reach),
             "duration": round(1000 / rate_hz),
-        }  # fmt: skip
+        }
         groups.setdefault(slot.group, []).append(slot.name)
     # The page, its sequences, and how the fish moves in each step.
     names = list(frames)
@@ -233,3 +218,32 @@ def atlas_page_json(
         packs = [f"atlas-{n}.json" for n in range(len(atlas)) if n != page_number]
         meta["related_multi_packs"] = packs
     return {"frames": frames, "animations": groups, "meta": meta}
+
+
+def _frame_rectangles(
+    slot: AtlasSlot, corner_px: NDArray[Any], centre_px: NDArray[Any], reach: int
+) -> dict[str, Any]:
+    """Return the JSON of where a sprite lies on its page and in its untrimmed square.
+
+    corner_px, centre_px (2,): x, y of its upper left pixel and of its mass centre, in its own
+    coordinates; reach: the square extends so many px to each side of the centre's pixel.
+    """
+    (x, y), side = centre_px, 2 * reach + 1
+    origin_x, origin_y = (np.floor(centre_px + 0.5) - reach).astype(int).tolist()
+    # A share of the square, from its edge: half a px before its first pixel's centre.
+    pivot = {
+        "x": round((x - origin_x + 0.5) / side, 6),
+        "y": round((y - origin_y + 0.5) / side, 6),
+    }
+    return {
+        "frame": {"x": slot.x, "y": slot.y, "w": slot.width, "h": slot.height},
+        "rotated": False,
+        "trimmed": True,
+        "spriteSourceSize": {
+            "x": int(corner_px[0] - origin_x), "y": int(corner_px[1] - origin_y),
+            "w": slot.width, "h": slot.height,
+        },
+        "sourceSize": {"w": side, "h": side},
+        "pivot": pivot,
+        "anchor": pivot,  # PixiJS's name for it
+    }  # fmt: skip

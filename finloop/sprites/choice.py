@@ -509,13 +509,9 @@ def choose_frames(
     gets the opposite turn, mirrored. A film without a tail beat or a whole turn gets the best
     substitute. FinloopError if the settings name frames that do not exist, or the fish never bends.
     draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
+    delta_frames: the time Δ.
     """
-    # The film's typical sharpness.
-    usable = np.flatnonzero(table["usable"])
-    usable = usable if usable.size else np.arange(len(table))
-    sample = spread_rows(usable, _SAMPLE)
-    pictures = draw_pictures(sample, table["heading"].to_numpy()[sample])
-    typical_sharpness = float(np.median(measure_sharpness(pictures)))
+    typical_sharpness = _measure_typical_sharpness(table, draw_pictures)
 
     def best_runs(sequence: str, candidates: pd.DataFrame) -> list[FrameRun]:
         """Return the best candidates for one sequence, one of each track."""
@@ -524,9 +520,7 @@ def choose_frames(
             is_cycle=sequence not in SIDES,
         )  # fmt: skip
 
-    # Candidates for each sequence.
     runs: dict[str, Sequence[FrameRun]] = {}
-    stands_in: set[str] = set()
     for sequence in SEQUENCES:
         text = getattr(settings, f"{sequence}_frames")
         if text is not None:
@@ -536,7 +530,7 @@ def choose_frames(
         else:
             find_candidates = find_tail_beats if sequence == "straight" else find_glides
             runs[sequence] = best_runs(sequence, find_candidates(table, delta_frames, settings))
-    # Substitutes for a missing tail beat, and for missing turns.
+    stands_in: set[str] = set()  # sequences for which the film shows only a substitute
     if not runs["straight"]:
         glides = _find_substitute_tail_beats(table, delta_frames, settings)
         runs["straight"] = best_runs("straight", glides)
@@ -545,6 +539,28 @@ def choose_frames(
         for sequence, side in SIDES.items():
             runs[sequence] = best_runs(sequence, _find_substitute_turns(table, side))
             stands_in.add(sequence)
+    _refuse_missing_runs(runs)
+    choices = {
+        sequence: ChosenFrames(run, stands_in=sequence in stands_in)
+        for sequence, run in choose_run_combination(table, runs, settings).items()
+    }
+    return _fill_in_missing_sequences(choices)
+
+
+def _measure_typical_sharpness(table: pd.DataFrame, draw_pictures: DrawPictures) -> float:
+    """Return the median sharpness of the film's fish, in a sample of its usable frames.
+
+    table, draw_pictures: as for `choose_frames`. Without usable frames, any are taken.
+    """
+    usable = np.flatnonzero(table["usable"])
+    usable = usable if usable.size else np.arange(len(table))
+    sample = spread_rows(usable, _SAMPLE)
+    pictures = draw_pictures(sample, table["heading"].to_numpy()[sample])
+    return float(np.median(measure_sharpness(pictures)))
+
+
+def _refuse_missing_runs(runs: dict[str, Sequence[FrameRun]]) -> None:
+    """Raise FinloopError without a run of straight swimming or of any turn; runs: by sequence."""
     missing = [] if runs["straight"] else ["four frames of one track, one after the other"]
     if not (runs["left"] or runs["right"]):
         missing.append("a fish that bends")
@@ -554,20 +570,23 @@ def choose_frames(
             "a fish that swims, some seconds of it",
             "take a longer film (reports/film/features/trajectories.png shows what was followed)",
         )
-    # The choice; a sequence without candidates borrows another one's frames.
-    choices = {
-        sequence: ChosenFrames(run, stands_in=sequence in stands_in)
-        for sequence, run in choose_run_combination(table, runs, settings).items()
-    }
+
+
+def _fill_in_missing_sequences(choices: dict[str, ChosenFrames]) -> dict[str, ChosenFrames]:
+    """Return choices for all sequences: one without frames borrows those of another one.
+
+    A missing glide gets those of the tail beat, a missing turn the opposite one, mirrored. A glide
+    that is too short, or whose tail moves, counts as a substitute, too.
+    """
     glide = choices.get("slide", choices["straight"])
-    glides_long_and_still = "slide" in choices and all(
+    is_true_glide = "slide" in choices and all(
         glide.run.faults.get(fault, 0.0) <= 1 for fault in ("short", "tail moves")
     )
-    choices["slide"] = replace(glide, stands_in=not glides_long_and_still)
+    filled = choices | {"slide": replace(glide, stands_in=not is_true_glide)}
     for sequence, opposite in (("left", "right"), ("right", "left")):
         if sequence not in choices:
-            choices[sequence] = replace(choices[opposite], mirrored=True)
-    return {sequence: choices[sequence] for sequence in SEQUENCES}
+            filled[sequence] = replace(choices[opposite], mirrored=True)
+    return {sequence: filled[sequence] for sequence in SEQUENCES}
 
 
 def best_runs_of_tracks(

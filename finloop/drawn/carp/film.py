@@ -189,7 +189,7 @@ def film_frames(
     features are one dictionary per fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id.
     """
     poses = carp_motion(params) if poses is None else poses
-    skins, lamp = fish_colours(params), light_levels(params)
+    skins, brightness = fish_colours(params), light_levels(params)
     noise_rng = _random_generators(params.seed)[3]
     empty = empty_tank(params)
     # How bright the light is at each place, 1 = brightest, also on the fish.
@@ -201,23 +201,31 @@ def film_frames(
         lines = [midline_px(params, poses, frame, i) for i in range(params.fish)]
         drawings = []
         for i, line in enumerate(lines):
-            left, right = poses.fins[frame, i]
-            drawings.append(draw_carp(line, (float(left), float(right)), skins[i]))
+            left_fin, right_fin = poses.fins[frame, i]
+            drawings.append(draw_carp(line, (float(left_fin), float(right_fin)), skins[i]))
         # Shadows, then fish, painted into `tank`, which is emptied again where they changed it.
         changed = [_shade_floor(tank, drawing, params) for drawing in drawings]
-        for drawing in drawings:
-            colour, opacity = blur_drawing(drawing)
-            if not params.colour:
-                colour = (colour @ _GREY)[..., None]
-            window, inner = _overlap_windows(tank, drawing.x0, drawing.y0, opacity.shape)
-            lit = vignette[window][..., None]
-            tank[window] = tank[window] * (1 - opacity[inner][..., None]) + colour[inner] * lit
-            changed.append(window)
+        changed += [_paint_carp(tank, drawing, vignette) for drawing in drawings]
         y, x = noise_rng.integers(0, NOISE_PAD, 2)  # another part of the noise, perhaps inverted
         sign = 1 - 2 * int(noise_rng.integers(2))
         grain = noise[y : y + params.height_px, x : x + params.width_px]
-        picture = cv2.addWeighted(tank, float(lamp[frame]), grain, sign, 0, dtype=cv2.CV_8U)
+        picture = cv2.addWeighted(tank, float(brightness[frame]), grain, sign, 0, dtype=cv2.CV_8U)
         for window in changed:
             tank[window] = empty[window]
         rows = [_truth_row(i, frame, lines[i], drawings[i], poses) for i in range(params.fish)]
         yield np.asarray(picture), rows
+
+
+def _paint_carp(picture: Image, drawing: CarpPicture, vignette: Image) -> tuple[slice, slice]:
+    """Paint a fish into a picture (h, w, 3 or 1), in place; return the changed rows and columns.
+
+    vignette (h, w): how bright the light is at each place, 1 = brightest.
+    """
+    colour, opacity = blur_drawing(drawing)
+    if picture.shape[2] == 1:
+        colour = (colour @ _GREY)[..., None]
+    window, inner = _overlap_windows(picture, drawing.x0, drawing.y0, opacity.shape)
+    transparency = 1 - opacity[inner][..., None]
+    lit_colour = colour[inner] * vignette[window][..., None]
+    picture[window] = picture[window] * transparency + lit_colour
+    return window

@@ -6,6 +6,7 @@ of the tail; v = distance from the midline in body lengths, + on the fish's left
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -104,48 +105,92 @@ _COATS = (
 )
 
 
+class _BodyPlaces(NamedTuple):
+    """Where on the body the pixels (rows, columns) of a skin picture lie.
+
+    s (1, columns): from 0 (snout) to 1 (tail end); v (rows, 1): from left (+) to right, body
+    lengths; r (rows, columns): v as a share of the half width, ±1 at the body's edges.
+    """
+
+    s: Image
+    v: Image
+    r: Image
+
+
+# The numbers in the functions that paint are drawn by eye after photographs: places in body
+# lengths, shares of light.
+
+
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
     """Return pictures of the skin and of a paired fin of one carp, painted with random spots.
 
     columns: width of the skin picture, px; coat: number of the colouring in _COATS, from 0; after
     the last one they begin again. rng: source of chance.
     """
-    back, flank, dark, patch = _COATS[coat % len(_COATS)]
-    # Body coordinates of the pixels: s from 0 (snout) to 1 (tail end), v from left (+) to right.
-    length_px = SKIN_PER_LENGTH
+    back, flank, dark, _ = _COATS[coat % len(_COATS)]
+    length_px = SKIN_PER_LENGTH  # it is painted at this size, and then scaled
     rows = int(2 * SKIN_HALF * length_px)
     s = ((np.arange(length_px) + 0.5) / length_px).astype(np.float32)[None, :]
     v = (((np.arange(rows) + 0.5) / rows * 2 - 1) * -SKIN_HALF).astype(np.float32)[:, None]
     width = np.maximum(half_width(s[0].astype(np.float64)), 0.004).astype(np.float32)[None, :]
-    r = v / width  # place across the body, ±1 at its edges
-    shape = r.shape
-    # The numbers below are drawn by eye after photographs: places in body lengths, shares of light.
-    # Back and flanks, with sharp koi-like patches, fewer on the head.
-    skin = np.empty((*shape, 3), np.float32)
-    skin[:] = back
-    skin = _tint(skin, flank, _ramp(np.abs(r) + 0.12 * _clouds(shape, (30,), rng), 0.35, 0.95))
-    field = _clouds(shape, (70, 34), rng) + 0.10 * _clouds(shape, (5,), rng)
-    body = np.abs(r) < 1
-    level = float(np.quantile(field[body], 0.70))
-    skin = _tint(
-        skin,
-        patch,
-        _ramp(field, level - 0.08, level + 0.08) * _ramp(s + 0 * v, 0.05, 0.2) * 0.92,
+    places = _BodyPlaces(s, v, v / width)
+    skin = _paint_patches(places, coat, rng)
+    skin *= _scales_light(places)[..., None]
+    _shade_head(skin, places, rng)
+    _shade_back(skin, places)
+    skin = _paint_eyes(skin, places)
+    # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
+    blade = _ramp(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
+    tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
+    skin = _tint(skin, tone, blade * 0.75)
+    skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
+    opaque = 1 - 0.28 * _ramp(s, TAIL_BLADE, 1.0) + 0 * v
+    scaled = cv2.resize(
+        np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32),
+        (columns, max(8, round(columns * 2 * SKIN_HALF))),
+        interpolation=cv2.INTER_AREA if columns < length_px else cv2.INTER_LINEAR,
     )
-    field = _clouds(shape, (46, 22), rng) + 0.12 * _clouds(shape, (5,), rng)
+    fin = _paint_fin_picture(rng, max(24, round(columns * 0.25)), back, flank, dark)
+    return FishColours(np.ascontiguousarray(scaled, np.float32), fin)
+
+
+def _paint_patches(places: _BodyPlaces, coat: int, rng: np.random.Generator) -> Image:
+    """Return a skin (rows, columns, 3) of back and flanks, with sharp koi-like patches.
+
+    The coloured patches are fewer on the head. coat: as for `paint_fish`.
+    """
+    back, flank, dark, patch = _COATS[coat % len(_COATS)]
+    s, v, r = places
+    skin = np.empty((*r.shape, 3), np.float32)
+    skin[:] = back
+    skin = _tint(skin, flank, _ramp(np.abs(r) + 0.12 * _clouds(r.shape, (30,), rng), 0.35, 0.95))
+    body = np.abs(r) < 1
+    field = _clouds(r.shape, (70, 34), rng) + 0.10 * _clouds(r.shape, (5,), rng)
+    level = float(np.quantile(field[body], 0.70))  # patches where the field is higher
+    behind_head = _ramp(s + 0 * v, 0.05, 0.2)
+    skin = _tint(skin, patch, _ramp(field, level - 0.08, level + 0.08) * behind_head * 0.92)
+    field = _clouds(r.shape, (46, 22), rng) + 0.12 * _clouds(r.shape, (5,), rng)
     level = float(np.quantile(field[body], 0.84))
-    skin = _tint(skin, dark, _ramp(field, level - 0.09, level + 0.09) * 0.85)
-    # Scales: staggered arcs behind the head, each with a soft light.
+    return _tint(skin, dark, _ramp(field, level - 0.09, level + 0.09) * 0.85)
+
+
+def _scales_light(places: _BodyPlaces) -> Image:
+    """Return the factor on the light of each pixel by scales: staggered arcs behind the head."""
+    s, v, _ = places
     size = 0.026
     scale_row = np.floor(v / (size * 0.5))
     cell = np.mod(s / size + 0.5 * np.mod(scale_row, 2), 1.0) - 0.5
     across = np.mod(v / (size * 0.5), 1.0) - 0.5
     scale_edges = _ramp(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
     scale_area = _ramp(s, 0.20, 0.27) * (1 - _ramp(s, 0.84, 0.90))
-    skin *= (1 + scale_area * (0.12 - 0.34 * scale_edges))[..., None]
-    # Bony plates of the head, gill covers, nostrils and mouth.
+    return 1 + scale_area * (0.12 - 0.34 * scale_edges)
+
+
+def _shade_head(skin: Image, places: _BodyPlaces, rng: np.random.Generator) -> None:
+    """Shade bony plates, gill covers, nostrils and mouth in a skin picture, in place."""
+    s, v, r = places
     head = 1 - _ramp(s, 0.18, 0.25)
-    skin *= (1 + head * 0.07 * _clouds(shape, (16, 7), rng))[..., None]
+    skin *= (1 + head * 0.07 * _clouds(r.shape, (16, 7), rng))[..., None]
     gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _ramp(np.abs(r), 0.25, 0.6)
     skin *= (1 - 0.45 * gill)[..., None]
     plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _ramp(1 - np.abs(r), 0.1, 0.6)
@@ -154,7 +199,11 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
         nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
         skin *= (1 - 0.5 * nostril)[..., None]
     skin *= (1 - 0.25 * np.exp(-((s / 0.012) ** 2)) * np.ones_like(v))[..., None]
-    # The folded dorsal fin, its shade, and the roundness of the body.
+
+
+def _shade_back(skin: Image, places: _BodyPlaces) -> None:
+    """Shade the folded dorsal fin and the round body in a skin picture, in place."""
+    s, v, r = places
     spine = 0.0016 * np.sin(s * 40) * _ramp(s, 0.3, 0.5)
     dorsal = _ramp(s, 0.36, 0.41) * (1 - _ramp(s, 0.66, 0.74))
     skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
@@ -162,27 +211,18 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
     trunk = 1 - _ramp(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
     skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
-    # Eyes at the sides of the head: dark, with a pale rim and a glint.
+
+
+def _paint_eyes(skin: Image, places: _BodyPlaces) -> Image:
+    """Return a skin picture with eyes at the sides of the head: dark, a pale rim, a glint."""
+    s, v, _ = places
     for side in (-1, 1):
         eye_distance = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
         skin = _tint(skin, (150, 132, 84), (1 - _ramp(eye_distance, 0.0125, 0.0160)) * 0.7)
         skin = _tint(skin, (12, 12, 12), 1 - _ramp(eye_distance, 0.0090, 0.0118))
         glint_distance = np.hypot(s - 0.0845, v - side * 0.0515)
         skin = _tint(skin, (170, 172, 168), (1 - _ramp(glint_distance, 0.0012, 0.0036)) * 0.8)
-    # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
-    blade = _ramp(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
-    tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
-    skin = _tint(skin, tone, blade * 0.75)
-    skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
-    opaque = 1 - 0.28 * _ramp(s, TAIL_BLADE, 1.0) + 0 * v
-    # The size that is asked for, and the fin.
-    scaled_down = cv2.resize(
-        np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32),
-        (columns, max(8, round(columns * 2 * SKIN_HALF))),
-        interpolation=cv2.INTER_AREA if columns < length_px else cv2.INTER_LINEAR,
-    )
-    fin = _paint_fin_picture(rng, max(24, round(columns * 0.25)), back, flank, dark)
-    return FishColours(np.ascontiguousarray(scaled_down, np.float32), fin)
+    return skin
 
 
 def _paint_fin_picture(

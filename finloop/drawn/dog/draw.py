@@ -58,20 +58,9 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     tufts (k, 3): x px, y as a share of the meadow's depth, size px; hills (m, 2): x and height, px.
     """
     picture = np.empty((dog.height_px, dog.width_px, 3), np.uint8)
-    origin, camera = body_origins_px(dog)[frame], camera_offsets_px(dog)[frame]
-    # The landscape; hills are far, so that they pass by at 0.3 of the meadow's speed.
+    origin = body_origins_px(dog)[frame]
     horizon = round(origin[1] - 0.42 * dog.trunk_px)
-    picture[:horizon], picture[horizon:] = SKY, MEADOW
-    for x, height in hills:
-        centre = (round(x - 0.3 * camera), horizon)
-        cv2.ellipse(picture, centre, (110, round(height)), 0, 180, 360, HILL, -1, cv2.LINE_AA)
-    for x, depth, size in tufts:
-        y = horizon + depth * (dog.height_px - horizon)
-        root = np.array([x - camera, y])
-        for lean in (-0.6, 0.0, 0.6):
-            blade = np.array([[-1.2, 0], [1.2, 0], [lean * size, -size * (0.6 + depth)]])
-            _fill_polygon(picture, root + blade, TUFT)
-    # The dog's shadow, and the dog: far limbs, other parts, near limbs, eye and nose.
+    _paint_landscape(picture, horizon, camera_offsets_px(dog)[frame], tufts, hills)
     phase = float(frame_phases(dog)[frame])
     half_width, half_height = 0.62 * dog.trunk_px, 0.035 * dog.trunk_px
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
@@ -98,6 +87,27 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
         ring = size * dog.trunk_px * np.column_stack([np.cos(angle), np.sin(angle)])
         _fill_polygon(picture, origin + spot_place(dog, phase, place) + ring, INK)
     return picture
+
+
+def _paint_landscape(
+    picture: Picture, horizon: int, camera_px: float, tufts: Floats, hills: Floats
+) -> None:
+    """Paint the sky, the hills and the meadow with its tufts of grass over a whole picture.
+
+    horizon: its row; camera_px: how far the camera has moved to the right; tufts, hills: as for
+    `_paint_frame`.
+    """
+    picture[:horizon], picture[horizon:] = SKY, MEADOW
+    for x, height in hills:
+        # Hills are far: they pass by at 0.3 of the meadow's speed.
+        centre = (round(x - 0.3 * camera_px), horizon)
+        cv2.ellipse(picture, centre, (110, round(height)), 0, 180, 360, HILL, -1, cv2.LINE_AA)
+    for x, depth, size in tufts:
+        y = horizon + depth * (len(picture) - horizon)
+        root = np.array([x - camera_px, y])
+        for lean in (-0.6, 0.0, 0.6):
+            blade = np.array([[-1.2, 0], [1.2, 0], [lean * size, -size * (0.6 + depth)]])
+            _fill_polygon(picture, root + blade, TUFT)
 
 
 def _fill_polygon(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
