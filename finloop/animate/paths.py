@@ -52,6 +52,8 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
         heading = None if heading is None else np.append(heading, heading[0])
     starts = _grain_starts(x, y, grain)
     x, y = _grain_means(x, starts), _grain_means(y, starts)
+    if heading is not None:
+        heading = _grain_means(np.unwrap(heading, period=360), starts)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     if along[-1] < 2 * _STEP * length:
         raise FinloopError(
@@ -59,32 +61,48 @@ def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float 
             f"a path of at least {2 * _STEP:g} body lengths",
             "draw a longer path, or correct its unit (matching.path_unit)",
         )
-    # The px along the path that are due at each tick, and the headings; empty if not given.
-    due_px = np.zeros(0)
+    due_px = np.zeros(0)  # px along the path that are due at each tick; empty without times
     if line.time_s is not None:
         time_s = _grain_means(line.time_s - line.time_s[0], starts)
         ticks = np.arange(int(time_s[-1] * motion.rate_hz + 1e-6) + 1)
         due_px = np.interp(ticks / motion.rate_hz, time_s, along)
-    headings = (
-        np.zeros(0) if heading is None else _grain_means(np.unwrap(heading, period=360), starts)
-    )
-    # Both routes, with places at equal distances.
-    routes = []
-    for step_bl in (_STEP, _FINE_STEP):
-        count = max(2 + closed, round(along[-1] / (step_bl * length)))
-        px = np.linspace(0.0, along[-1], count + 1)
-        step = float(px[1])
-        px = px[: len(px) - closed]  # on a closed path the last place is the first again
-        routes.append(
-            Route(
-                np.interp(px, along, x), np.interp(px, along, y),
-                heading=np.interp(px, along, headings) if len(headings) else headings,
-                step=step, closed=closed, when=due_px, begins=1,
-                ahead=max(2, round(_AHEAD / step_bl)),
-            )
-        )  # fmt: skip
-    route, asked = routes
+    points = _PathPoints(x, y, heading, along, closed, due_px)
+    route, asked = (_resample_path(points, step_bl, length) for step_bl in (_STEP, _FINE_STEP))
     return Path(_move_off_walls(route, tank, grain), asked)
+
+
+class _PathPoints(NamedTuple):
+    """The points (n,) of a path without fine detail: x, y px; headings in degrees, if given.
+
+    along_px (n,): px along the path; closed: whether the last point is the first again; due_px
+    (t,): px along it that are due at each tick, empty without times.
+    """
+
+    x: Floats
+    y: Floats
+    heading_deg: Floats | None
+    along_px: Floats
+    closed: bool
+    due_px: Floats
+
+
+def _resample_path(points: _PathPoints, step_bl: float, length_px: float) -> Route:
+    """Return a path as a route whose points are equally far apart, about `step_bl` body lengths.
+
+    length_px: a body length.
+    """
+    along = points.along_px
+    count = max(2 + points.closed, round(along[-1] / (step_bl * length_px)))
+    px = np.linspace(0.0, along[-1], count + 1)
+    step = float(px[1])
+    px = px[: len(px) - points.closed]  # on a closed path the last place is the first again
+    heading = np.zeros(0)  # not given
+    if points.heading_deg is not None:
+        heading = np.interp(px, along, points.heading_deg)
+    return Route(
+        np.interp(px, along, points.x), np.interp(px, along, points.y), heading=heading, step=step,
+        closed=points.closed, when=points.due_px, begins=1, ahead=max(2, round(_AHEAD / step_bl)),
+    )  # fmt: skip
 
 
 def _line_in_px(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[Floats, Floats]:

@@ -96,26 +96,14 @@ def compute_film_states(
     next_row = np.append((np.diff(track) == 0) & (np.diff(frame) == 1), False)
     # The first row of a track has no speeds yet, so the past begins at the second.
     usable = (row_in_track > lags[-1]) & next_row & np.isfinite(control).all(1)
-    lack = ""
-    if usable.sum() < LEAST_ROWS:
-        lack = f"{usable.sum()} rows with a past, a next frame and a control"
-    elif np.ptp(control[usable, 0]) < 1e-6:
-        lack = "no fish that moves"
-    elif not features["swimming_type"].to_numpy()[usable].any():  # no steering can be learnt
-        lack = "no fish that turns"
-    if lack:
-        raise FinloopError(
-            f"the film has {lack}",
-            f"at least {LEAST_ROWS} rows in tracks of some seconds, in which a fish moves and "
-            "turns",
-            "take a longer film, or leave the forecast out (matching.uses=[film])",
-        )
+    _refuse_poor_film(control[usable], features["swimming_type"].to_numpy()[usable])
+    # Matrix and signs that mirror a state and a control.
     mirror_states, mirror_control = np.eye(code_count + MOTION), np.ones(2)
     if mirror is not None:
         mirror_states[:code_count, :code_count] = np.asarray(mirror)[:code_count, :code_count]
         mirror_states[-2, -2] = mirror_states[-1, -1] = -1  # speed to the left, turning
         mirror_control[1] = -1  # the angle
-    film_row = np.arange(n if mirror is None else 2 * n) % n
+    film_row = np.arange(n if mirror is None else 2 * n) % n  # of each row or mirror image
     is_mirror = (np.arange(len(film_row)) >= n)[:, None]
     return FilmStates(
         states=np.where(is_mirror, (states @ mirror_states)[film_row], states[film_row]),
@@ -125,6 +113,27 @@ def compute_film_states(
         control_scale=np.sqrt(np.nanmean(control**2, axis=0)), frame=frame[film_row],
         delta=delta, rate_hz=rate_hz, count=n, memory=measure_memory_frames(codes, track),
     )  # fmt: skip
+
+
+def _refuse_poor_film(control: Floats, swimming_type: Ints) -> None:
+    """Raise FinloopError if the usable rows of a film are too few, or no fish moves or turns.
+
+    control (k, 2): displacement and angle of each usable row; swimming_type (k,): 0 = straight.
+    """
+    lack = ""
+    if len(control) < LEAST_ROWS:
+        lack = f"{len(control)} rows with a past, a next frame and a control"
+    elif np.ptp(control[:, 0]) < 1e-6:
+        lack = "no fish that moves"
+    elif not swimming_type.any():  # no steering can be learnt
+        lack = "no fish that turns"
+    if lack:
+        raise FinloopError(
+            f"the film has {lack}",
+            f"at least {LEAST_ROWS} rows in tracks of some seconds, in which a fish moves and "
+            "turns",
+            "take a longer film, or leave the forecast out (matching.uses=[film])",
+        )
 
 
 def posture_mirror_matrix(poses: FilmPoses, look: Reals) -> Reals | None:

@@ -5,7 +5,7 @@ Beside these folders lies what later stages read, as if there were a single film
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -79,22 +79,10 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
         )
     first_name = next(iter(facts))
     rate = min(film_facts.frame_rate for film_facts in facts.values())
-    placed_parts: list[FilmPart] = []
-    segments: list[tuple[int, int]] = []
-    frames = 0  # of the joined clip
-    for part in parts:
-        if not part.error:
-            film = facts[part.name]
-            shown = frames_at_rate(film.frames, film.frame_rate, rate)
-            # The film's ranges without a cut, as ranges of the joined clip's frames.
-            ranges = np.searchsorted(shown, np.array(film.segments)) + frames
-            segments += [(int(first), int(stop)) for first, stop in ranges if first < stop]
-            part = part._replace(start=frames, stop=frames + len(shown))
-            frames = part.stop
-        placed_parts.append(part)
+    placed_parts, segments = _place_parts(parts, facts, rate)
     joined = replace(
         facts[first_name],
-        frames=frames,
+        frames=max(part.stop for part in placed_parts),
         frame_rate=rate,
         colour=all(fact.colour for fact in facts.values()),
         segments=tuple(segments),
@@ -105,6 +93,28 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     shutil.copyfile(clip / FILMS / first_name / ARENA_NAME, clip / ARENA_NAME)
     save_records(clip / PARTS_NAME, placed_parts)
     return joined
+
+
+def _place_parts(
+    parts: Sequence[FilmPart], facts: Mapping[str, VideoFacts], rate: Fraction
+) -> tuple[list[FilmPart], list[tuple[int, int]]]:
+    """Return the films with their ranges of the joined clip's frames, and its ranges without a cut.
+
+    facts: of each film that could be read, by name; rate: frames/s of the joined clip.
+    """
+    placed_parts: list[FilmPart] = []
+    segments: list[tuple[int, int]] = []
+    frames = 0  # of the joined clip so far
+    for part in parts:
+        if not part.error:
+            film = facts[part.name]
+            shown = frames_at_rate(film.frames, film.frame_rate, rate)
+            ranges = np.searchsorted(shown, np.array(film.segments)) + frames
+            segments += [(int(first), int(stop)) for first, stop in ranges if first < stop]
+            part = part._replace(start=frames, stop=frames + len(shown))
+            frames = part.stop
+        placed_parts.append(part)
+    return placed_parts, segments
 
 
 def frames_at_rate(frames: int, rate: Fraction, lower_rate: Fraction) -> Frames:

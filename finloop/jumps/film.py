@@ -202,22 +202,21 @@ def find_film_jumps(
 ) -> FilmJumps:  # fmt: skip
     """Return the jumps from every row of a film to rows that look and move alike, and metrics.
 
-    A fish whose sides differ is not mirrored, unless the settings say so. advance(n): called when n
-    more rows are done.
+    Mirror images are searched if the settings say so, or leave it to the film and its fish has like
+    sides. advance(n): called when n more rows are done.
     """
     reel, _ = source.load_film()
-    track = reel.features["track_id"].to_numpy()
+    track, delta = reel.features["track_id"].to_numpy(), infer_delta_frames(reel.features)
     row_parts = compute_signature_parts(source, settings, workers)
-    block = max(1, round(settings.block * infer_delta_frames(reel.features)))
     side_difference = measure_side_difference(
         partial(draw_straight, source, settings.look_px), track
     )
-    handedness = measure_handedness(row_parts, block)
+    handedness = measure_handedness(row_parts, max(1, round(settings.block * delta)))
     sides_alike = side_difference < settings.sides_most and handedness < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and sides_alike)
-    values = compute_signatures(row_parts, reel.step_ends, settings)
-    least = max(1, round(settings.min_jump_deltas * infer_delta_frames(reel.features)))
-    search = JumpSearch.from_values(values, track, settings.candidates, least, mirror)
+    signatures = compute_signatures(row_parts, reel.step_ends, settings)
+    least = max(1, round(settings.min_jump_deltas * delta))
+    search = JumpSearch.from_values(signatures, track, settings.candidates, least, mirror)
     visible, tables = VisibleDistance.from_source(source, workers), []
     rows = split_into_blocks(len(track), _LOT)
     find_jumps = partial(
@@ -229,7 +228,7 @@ def find_film_jumps(
         advance(len(done))
     jumps = pd.concat(tables, ignore_index=True)
     first, after = reel.step_ends
-    steps = np.linalg.norm(values[0, after] - values[0, first], axis=-1)
+    steps = np.linalg.norm(signatures[0, after] - signatures[0, first], axis=-1)
     best_seams = jumps.groupby("row")["seam"].min()
     look = standardize_part(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
     return FilmJumps(jumps, look.astype(np.float32), visible, {

@@ -126,10 +126,11 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Swim a planned trajectory, steered to the route, up to the target, route's end or a wall.
 
-    planned (m + 1, 3): x, y px, heading in degrees, from the fish's present place on, of which t ≤
-    m ticks count; speeds_bl_s (m,): body lengths/s; rows (t,): film rows shown; along_px: px along
-    the route; tick: of the present place. Without a route the fish stops at the target, and at the
-    waypoint `objective.aim`.
+    planned (m + 1, 3): x, y px, heading in degrees, as filmed, from the fish's present place on;
+    its first t ≤ m steps are swum, those after them only tell where the film leads; speeds_bl_s
+    (m,): body lengths/s; rows (t,): film rows shown; along_px: px along the route; tick: of the
+    present place. Without a route the fish stops at the target, and at the waypoint
+    `objective.aim`.
 
     Returns the trajectory (n, 3), n ≤ t; its steering corrections (n, 2): degrees, px; px along the
     route at its end; whether its last place touches the target, at a row after which the film can
@@ -141,7 +142,8 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     x, y = planned[0, 0], planned[0, 1]
     for t in range(ticks):
         turn, shift_px, row = 0.0, 0.0, rows[t]
-        # The planned step, turned towards the route, and then shifted towards it.
+        # The planned step, turned towards the route, and then shifted towards it. How far to turn
+        # depends on where the next `reach` steps would lead.
         if route.x.size:
             reach = min(steering.reach, len(planned) - 1 - t)
             film_offset = rotate(

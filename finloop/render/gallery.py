@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Mask
 from finloop.base.cutout import Cutouts
 from finloop.base.errors import FinloopError
 from finloop.distance.reel import sprite_store_row
@@ -40,7 +39,7 @@ class CutoutSet(NamedTuple):
     """
 
     store: Cutouts
-    centres_px: NDArray[np.float64]
+    centres_px: Floats
     orientations: int = 1
 
 
@@ -180,48 +179,84 @@ def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[PlacedFi
 
 def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
     """Raise FinloopError if an edit list cannot be drawn; list each problem with its first tick."""
-    cutout_sets, bodies = gallery.cutout_sets, gallery.bodies
     advice = "make the edit list again: `dvc repro --force animate`"
     if edit.empty:
         raise FinloopError("the edit list is empty", "at least one tick", advice)
-    problems: list[str] = []
+    # Each picture of a row, and the one to cross-fade with, where there is one.
+    always, fades = np.full(len(edit), True), (edit["weight"] > 0).to_numpy()
+    checks = [
+        *_find_bad_places(edit),
+        *_find_bad_pictures(edit, "", "source", always, gallery.cutout_sets),
+        *_find_bad_pictures(edit, "partner_", "partner", fades, gallery.cutout_sets),
+        _find_bad_poses(edit, gallery.bodies),
+    ]
+    problems = [_describe_bad_rows(edit, check) for check in checks if check.is_bad.any()]
+    if problems:
+        raise FinloopError(
+            "the edit list cannot be drawn:\n    " + "\n    ".join(problems),
+            "pictures that exist, at places and of sizes that can be drawn",
+            advice,
+        )
 
-    def note_problem(is_bad: NDArray[np.bool_] | pd.Series, column: str, wanted: str) -> None:
-        """Add a sentence on a column if some rows are bad, with the first tick of these."""
-        bad = edit[np.asarray(is_bad, bool)]
-        if len(bad):
-            tick, value = bad.iloc[0]["tick"], bad.iloc[0][column]
-            others = f" (and at {len(bad) - 1} more ticks)" if len(bad) > 1 else ""
-            problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{others}")
 
-    # Ticks, places and weights.
-    sizes = {kind: len(cutout_set.centres_px) for kind, cutout_set in cutout_sets.items()}
-    note_problem(edit["tick"] != edit.groupby("fish").cumcount(), "tick", "0, 1, 2, … of each fish")
-    last = edit.groupby("fish")["tick"].transform("max")
-    note_problem(last < last.max(), "fish", "as many ticks of each fish")
+class _ColumnCheck(NamedTuple):
+    """The rows (n,) of an edit list whose value in a column is bad, and what is wanted there."""
+
+    is_bad: Mask
+    column: str
+    wanted: str
+
+
+def _describe_bad_rows(edit: pd.DataFrame, check: _ColumnCheck) -> str:
+    """Return a sentence on the first bad row of an edit list, with the number of the others."""
+    bad = edit[check.is_bad]
+    tick, value = bad.iloc[0]["tick"], bad.iloc[0][check.column]
+    others = f" (and at {len(bad) - 1} more ticks)" if len(bad) > 1 else ""
+    return f"tick {tick}: {check.column} is {value}, wanted {check.wanted}{others}"
+
+
+def _find_bad_places(edit: pd.DataFrame) -> Iterator[_ColumnCheck]:
+    """Yield the checks of an edit list's ticks, places and weights of cross-fades."""
+    ticks = edit.groupby("fish")["tick"]
+    is_bad = (edit["tick"] != ticks.cumcount()).to_numpy(bool)
+    yield _ColumnCheck(is_bad, "tick", "0, 1, 2, … of each fish")
+    last = ticks.transform("max")
+    yield _ColumnCheck((last < last.max()).to_numpy(bool), "fish", "as many ticks of each fish")
     for column in ("x_px", "y_px"):
-        note_problem(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
-    note_problem(~edit["weight"].between(0, 1), "weight", "0 … 1")
-    # The picture of each row, and the one to cross-fade with, where there is one.
-    fades = (edit["weight"] > 0).to_numpy()
-    for prefix, source_column, used in (
-        ("", "source", np.full(len(edit), True)),
-        ("partner_", "partner", fades),
-    ):
-        kind, source = edit[f"{prefix}kind"], edit[source_column].fillna(-1).to_numpy(int)
-        note_problem(used & ~kind.isin(list(sizes)), f"{prefix}kind", " or ".join(sizes))
-        for name, size in sizes.items():
-            is_bad = used & (kind == name) & ((source < 0) | (source >= size))
-            note_problem(is_bad, source_column, f"a {name}, 0 … {size - 1}")
-        if SPRITE in cutout_sets:
-            most, column = cutout_sets[SPRITE].orientations, f"{prefix}orientation"
-            is_bad = used & (kind == SPRITE) & ~edit[column].fillna(0).between(1, most)
-            note_problem(is_bad, column, f"an orientation, 1 … {most}")
-        scale = edit[f"{prefix}scale"].to_numpy(float)
-        note_problem(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
-        angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
-        note_problem(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
-    # Poses.
+        yield _ColumnCheck(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
+    yield _ColumnCheck(~edit["weight"].between(0, 1).to_numpy(bool), "weight", "0 … 1")
+
+
+def _find_bad_pictures(
+    edit: pd.DataFrame, prefix: str, source_column: str, used: Mask,
+    cutout_sets: Mapping[str, CutoutSet],
+) -> Iterator[_ColumnCheck]:  # fmt: skip
+    """Yield the checks of which picture an edit list's rows show, and at which size and angle.
+
+    prefix: of the names of the picture's columns, but for that of its number, `source_column`; used
+    (n,): the rows that show such a picture; cutout_sets: the pictures that exist, by kind.
+    """
+    kind, number = edit[f"{prefix}kind"], edit[source_column].fillna(-1).to_numpy(int)
+    sizes = {name: len(cutout_set.centres_px) for name, cutout_set in cutout_sets.items()}
+    is_unknown = ~kind.isin(list(sizes)).to_numpy(bool)
+    yield _ColumnCheck(used & is_unknown, f"{prefix}kind", " or ".join(sizes))
+    for name, size in sizes.items():
+        is_bad = used & (kind == name).to_numpy(bool) & ((number < 0) | (number >= size))
+        yield _ColumnCheck(is_bad, source_column, f"a {name}, 0 … {size - 1}")
+    if SPRITE in cutout_sets:
+        most, column = cutout_sets[SPRITE].orientations, f"{prefix}orientation"
+        is_other = ~edit[column].fillna(0).between(1, most).to_numpy(bool)
+        is_bad = used & (kind == SPRITE).to_numpy(bool) & is_other
+        yield _ColumnCheck(is_bad, column, f"an orientation, 1 … {most}")
+    scale = edit[f"{prefix}scale"].to_numpy(float)
+    is_bad = used & ~(np.isfinite(scale) & (scale > 0))
+    yield _ColumnCheck(is_bad, f"{prefix}scale", "more than 0")
+    angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
+    yield _ColumnCheck(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
+
+
+def _find_bad_poses(edit: pd.DataFrame, bodies: Bodies | None) -> _ColumnCheck:
+    """Return the check of an edit list's poses: none, or as many codes as `bodies` have."""
     code_count = 0 if bodies is None else bodies.poses.codes.shape[1]
     fits = [
         pose is None
@@ -229,10 +264,4 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
         for pose in edit["pose"]
     ]
     wanted = f"{code_count} codes of shapes" if code_count else "none: there are none"
-    note_problem(~np.array(fits, bool), "pose", wanted)
-    if problems:
-        raise FinloopError(
-            "the edit list cannot be drawn:\n    " + "\n    ".join(problems),
-            "pictures that exist, at places and of sizes that can be drawn",
-            advice,
-        )
+    return _ColumnCheck(~np.array(fits, bool), "pose", wanted)

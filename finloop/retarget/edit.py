@@ -70,15 +70,15 @@ def build_edit_list(
     shown = sources.to_pictures(heading, bodies)
     # Cross-fade light and skin at each jump, but not at one to a near frame of the same track,
     # where both are the same.
-    begins = sources.switch
-    goes_on = bodies.goes_on
-    if len(begins):
+    fade_ticks = sources.switch
+    if len(fade_ticks):
         drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
-        due = bodies.next_body(drawn.select(begins - 1))
-        begins = begins[~bodies.are_near_in_film(due, drawn.select(begins), joins.fade)]
+        due = bodies.next_body(drawn.select(fade_ticks - 1))  # what would follow without the jump
+        is_near = bodies.are_near_in_film(due, drawn.select(fade_ticks), joins.fade)
+        fade_ticks = fade_ticks[~is_near]
     # The frames that fade out play on, and stay at the end of their track.
     partner, weight = cross_fade_partners(
-        shown, begins, joins.fade, following=lambda _, row: row + int(goes_on[row])
+        shown, fade_ticks, joins.fade, following=lambda _, row: row + int(bodies.goes_on[row])
     )
     fades = weight > 0
     speed = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) * rate_hz / pose.size_px[1:]

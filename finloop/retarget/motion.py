@@ -36,7 +36,7 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
     """
     time = track.frame / track.rate_hz
     wanted = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
-    usable = np.flatnonzero(track.is_complete & wanted)  # places in the track
+    usable = np.flatnonzero(track.is_complete & wanted)  # indices in the track
     is_gap = np.diff(track.frame[usable]) > 1 + round(p.gap_s * track.rate_hz)
     stretches = np.split(usable, np.flatnonzero(is_gap) + 1)
     longest = max(stretches, key=lambda stretch: np.ptp(time[stretch]) if len(stretch) else -1.0)
@@ -51,15 +51,16 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
             "the track (retarget.start_s, end_s)",
         )
     tick_times = time[longest[0]] + np.arange(ticks) / rate_hz
-    points = CubicSpline(time[longest], track.points[longest])(tick_times)
-    codes = None
-    if track.codes is not None:
-        codes = CubicSpline(time[longest], track.codes[longest])(tick_times)
-    if p.smooth_s:
-        sigma = p.smooth_s * rate_hz
-        points = gaussian_filter1d(points, sigma, axis=0, mode="nearest")
-        if codes is not None:
-            codes = gaussian_filter1d(codes, sigma, axis=0, mode="nearest")
+
+    def resample(values: Floats) -> Floats:
+        """Return values (t, …) of the track at the ticks of the longest stretch, smoothed."""
+        at_ticks = CubicSpline(time[longest], values[longest])(tick_times)
+        if not p.smooth_s:
+            return at_ticks
+        return gaussian_filter1d(at_ticks, p.smooth_s * rate_hz, axis=0, mode="nearest")
+
+    points = resample(track.points)
+    codes = None if track.codes is None else resample(track.codes)
     forward = forward_share(points)
     if forward < _BACKWARDS and not p.allow_backwards:
         raise FinloopError(

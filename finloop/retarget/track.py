@@ -156,20 +156,34 @@ def body_keypoint_numbers(keypoints: Sequence[str], points: Floats, p: RetargetS
         centre = next((k for k, name in enumerate(keypoints) if _letters_of(name) in _CENTRES), 0)
         return np.array([centre if head is None else keypoints.index(head)])
     first, last = keypoints.index(head), keypoints.index(tail)
-    others = [k for k, name in enumerate(keypoints) if _letters_of(name) not in _CENTRES]
-    chord = points[:, last] - points[:, first]
+    others = [
+        k
+        for k, name in enumerate(keypoints)
+        if k not in (first, last) and _letters_of(name) not in _CENTRES
+    ]
+    between = _find_points_between(points[:, first], points[:, last], points[:, others])
+    return np.array([first, *(others[number] for number in between), last])
+
+
+def _find_points_between(head: Floats, tail: Floats, points: Floats) -> list[int]:
+    """Return the numbers of points near the line from head to tail, in their order along it.
+
+    head, tail (t, 2); points (t, m, 2) px in t frames, NaN where they are not seen. In the median
+    of the frames a point must be near the line, and not near an end: there it is the end itself by
+    another name.
+    """
+    chord = tail - head
     square = (chord**2).sum(-1)
-    between = {}  # place along the line from head to tail, 0 … 1, by keypoint
-    for k in others:
-        offset = points[:, k] - points[:, first]
+    place_of_point = {}  # along the line from head to tail, 0 … 1
+    for number in range(points.shape[1]):
+        offset = points[:, number] - head
         along = (offset * chord).sum(-1) / square
         beside = (offset[:, 0] * chord[:, 1] - offset[:, 1] * chord[:, 0]) / square
         if np.isfinite(along).any():
             place, is_on_line = np.nanmedian(along), abs(np.nanmedian(beside)) < _BESIDE
-            # Nearer to an end than 2 %, it is the end itself by another name.
-            if 0.02 < place < 0.98 and is_on_line and k not in (first, last):
-                between[k] = place
-    return np.array([first, *sorted(between, key=lambda k: between[k]), last])
+            if 0.02 < place < 0.98 and is_on_line:
+                place_of_point[number] = place
+    return sorted(place_of_point, key=lambda number: place_of_point[number])
 
 
 def _letters_of(name: str) -> str:

@@ -53,16 +53,7 @@ def build_standalone_page(
     FinloopError if the motion has no tick, no fish or numbers that are not finite, or if a picture
     is missing.
     """
-    if motion.ndim != 3 or 0 in motion.shape or not np.isfinite(motion).all():
-        raise FinloopError(
-            f"a motion of shape {motion.shape}", "states of ticks and fish, all of them numbers",
-            "give the states of at least one tick and fish",
-        )  # fmt: skip
-    if missing := [number for number in list_named_pictures(motion) if number not in pictures]:
-        raise FinloopError(
-            f"{len(missing)} pictures are missing, {missing[0]} first",
-            "every picture that the motion names", "give these pictures, too",
-        )  # fmt: skip
+    _refuse_unplayable(motion, pictures)
     height, width = floor.shape[:2]
     sizes = [picture.pixels.shape for picture in pictures.values()]
     facts = {
@@ -81,6 +72,7 @@ def build_standalone_page(
             for number, picture in pictures.items()
         ],
     }  # fmt: skip
+    # After the facts: the floor, posture and pixels of each picture, and the motion.
     arrays = [floor]
     for picture in pictures.values():
         arrays += [np.asarray(picture.posture, "<f4"), picture.pixels]
@@ -90,6 +82,20 @@ def build_standalone_page(
     page = page.replace("/*script*/", join_scripts(*DRAWING, "alone.js"))
     page = page.replace("/*policy*/", make_content_policy(page, "img-src data:"))
     return page.replace("/*data*/", base64.b64encode(zlib.compress(data, 9)).decode())
+
+
+def _refuse_unplayable(motion: States, pictures: Mapping[int, PagePicture]) -> None:
+    """Raise FinloopError if a motion has no tick, fish or finite numbers, or lacks a picture."""
+    if motion.ndim != 3 or 0 in motion.shape or not np.isfinite(motion).all():
+        raise FinloopError(
+            f"a motion of shape {motion.shape}", "states of ticks and fish, all of them numbers",
+            "give the states of at least one tick and fish",
+        )  # fmt: skip
+    if missing := [number for number in list_named_pictures(motion) if number not in pictures]:
+        raise FinloopError(
+            f"{len(missing)} pictures are missing, {missing[0]} first",
+            "every picture that the motion names", "give these pictures, too",
+        )  # fmt: skip
 
 
 def _read_page_file(name: str) -> str:

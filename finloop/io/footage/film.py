@@ -127,6 +127,27 @@ def _read_packet_stamps(container: InputContainer, stream: VideoStream) -> tuple
     return stamps, max(len(stamps), stream.frames - discarded) if stamps else packets
 
 
+def _list_picture_notes(
+    coding: "_FilmCoding", aspect: Fraction, streams: int, full_range: bool
+) -> list[str]:
+    """Return notes on what is unusual in a film's pictures, and how they are read.
+
+    aspect: width : height of a pixel; streams: how many picture streams the file has; full_range:
+    whether a film of unstated range is taken as one of full range.
+    """
+    coded_size = coding.width, coding.height
+    size, square = (f"{w}×{h} px" for w, h in (coded_size, square_size(*coded_size, aspect)))
+    applies_by_note = {
+        f"the file says that pixels are {aspect} times as wide as high: pictures of {size} are "
+        f"made square, {square}": square != size,
+        f"of {streams} picture streams that of {size} is taken, as players do": streams > 1,
+        "the film is interlaced: outlines are combed where a fish moves": coding.interlaced,
+        "the film asks for a crooked turn; the nearest right angle is taken": not coding.turn_exact,
+        "the film does not state its range of levels, and uses them all: 0 … 255": full_range,
+    }
+    return [note for note, applies in applies_by_note.items() if applies]
+
+
 class _FilmCoding(NamedTuple):
     """How a film is coded, measured in sample frames spread over it."""
 
@@ -245,7 +266,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         raise too_few_error(path, stamps.size)
     coding = _measure_coding(path, stamps if has_stamps else stamps[:1])
     film_rate = estimate_frame_rate(stamps, stated)
-    # last_s: time of the last promised frame, whether it can be read or not.
+    # last_s: time of the last frame that the file promises, whether it can be read or not.
     if rate is None:
         times, last_s = stamps - stamps[0], (promised - stamps.size) / float(film_rate)
         last_s += float(times[-1])
@@ -253,19 +274,12 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
     full_range = coding.outside > OUTSIDE_FRACTION  # too many pixels far outside 16 … 235
     square = square_size(coding.width, coding.height, aspect)
-    applies_by_note = {
+    rate_note = (
         f"the file says {float(film_rate):g} frames/s; its frames are taken as shot at "
-        f"{float(rate or 0):g}": rate not in (None, film_rate),
-        f"the file says that pixels are {aspect} times as wide as high: pictures of "
-        f"{coding.width}×{coding.height} px are made square, {square[0]}×{square[1]} px": (
-            square != (coding.width, coding.height)
-        ),
-        f"of {streams} picture streams that of {coding.width}×{coding.height} px is taken, as "
-        "players do": streams > 1,
-        "the film is interlaced: outlines are combed where a fish moves": coding.interlaced,
-        "the film asks for a crooked turn; the nearest right angle is taken": not coding.turn_exact,
-        "the film does not state its range of levels, and uses them all: 0 … 255": full_range,
-    }
+        f"{float(rate or 0):g}"
+    )
+    notes = [rate_note] * (rate not in (None, film_rate))
+    notes += _list_picture_notes(coding, aspect, streams, full_range)
     footage = Footage(
         path=path,
         width_px=square[coding.turn.quarter_turns % 2],  # a quarter turn swaps the sides
@@ -279,7 +293,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         levels=coding.levels,
         pixel_aspect=aspect,
         coded_size=(coding.width, coding.height),
-        notes=tuple(note for note, applies in applies_by_note.items() if applies),
+        notes=tuple(notes),
         coding_quantiser=coding.quantiser,
         full_range=full_range,
         renumbered=rate is not None,

@@ -41,11 +41,14 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
     ) as error:  # fmt: skip
         raise unreadable_error(path, software, error) from error
     # A label is (scorer, animal, keypoint, coordinate); a file of one animal leaves its name out.
-    animal_of_column = [label[1] if len(label) == 4 else software for label in labels]
-    keypoints: dict[str, list[str]] = {animal: [] for animal in animal_of_column}
-    for (*_, keypoint, _), animal in zip(labels, animal_of_column, strict=True):
-        if keypoint not in keypoints[animal]:
-            keypoints[animal].append(keypoint)
+    columns = [
+        (label[1] if len(label) == 4 else software, label[-2], label[-1]) for label in labels
+    ]
+    keypoints: dict[str, list[str]] = {}  # of each animal
+    for animal, keypoint, _ in columns:
+        of_animal = keypoints.setdefault(animal, [])
+        if keypoint not in of_animal:
+            of_animal.append(keypoint)
     keypoint_lists = list(keypoints.values())
     usual = max(keypoint_lists, key=keypoint_lists.count)
     if others := [name for name in keypoints if keypoints[name] != usual]:
@@ -56,9 +59,7 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
         )
     animals = [name for name in keypoints if keypoints[name] == usual]
     cells = np.full((len(frame), len(animals), len(usual), len(_COORDS)), np.nan)
-    for (*_, keypoint, coord), animal, column in zip(
-        labels, animal_of_column, values.T, strict=True
-    ):
+    for (animal, keypoint, coord), column in zip(columns, values.T, strict=True):
         if animal in animals and coord in _COORDS:
             place = animals.index(animal), usual.index(keypoint), _COORDS.index(coord)
             cells[:, *place] = column
