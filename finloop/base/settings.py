@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import cache
+from itertools import chain
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -211,7 +212,8 @@ def check_values(
     for problem in _find_problems(group):
         problems.setdefault(problem["loc"][:1], []).append(problem)
     if problems:
-        return None, [text for found in problems.values() for text in _describe_all(group, found)]
+        texts = [_describe_problems(group, found) for found in problems.values()]
+        return None, list(chain.from_iterable(texts))
     valid = _strict_check(declared).validate_json(json.dumps(values, default=str))
     # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
     return declared(**{field.name: getattr(valid, field.name) for field in fields(declared)}), []
@@ -233,7 +235,7 @@ def _strict_check(declared: type) -> TypeAdapter[Any]:
     return TypeAdapter(checked(declared, frozen=True, config=strict))
 
 
-def _describe_all(group: _Group, problems: list[dict[str, Any]]) -> list[str]:
+def _describe_problems(group: _Group, problems: list[dict[str, Any]]) -> list[str]:
     """Return sentences on what pydantic found in one parameter, with what to type instead.
 
     problems: pydantic's reports on one parameter, or on the group as a whole.

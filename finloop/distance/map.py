@@ -391,7 +391,7 @@ def compare_frames(
     size, pose = settings.picture_size_px, settings.frame_of_reference
     rows, order, kind, area = _choose_and_sort_rows(film.features, settings)
     features, later = film.features.iloc[rows], natural_step_frames(film.features)
-    # Pictures are in the sorted order, so a band is a slice and needs no copy.
+    # Pictures are sorted by kind and area, so those to be compared are slices: no copy is needed.
     x = subtract_mean_picture(film.draw_rows(rows[order], size, pose))
     # The steps, in three poses (see `STEPS`), and their median, the unit of the distances.
     steps = natural_step_table(features, x, np.argsort(order), later)

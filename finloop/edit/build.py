@@ -80,6 +80,8 @@ def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any
     first_ticks = starts[starts < ticks]
     decisions = [stretch.decision for stretch in stretches[: len(first_ticks)]]
     columns: dict[str, Any] = {}
+    # The type of a field's values says what its columns are like: costs by term, text, counts that
+    # may be missing, or numbers.
     for name, values in zip(Decision._fields, zip(*decisions, strict=True), strict=True):
         if isinstance(values[0], tuple):
             costs = np.full((ticks, len(TERMS)), np.nan)

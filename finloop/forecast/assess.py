@@ -167,6 +167,7 @@ def measure_control_slopes(
         for _ in range(delta):
             state = step_fish(sampler, state, control, rng)
             steps.append(state.past[0, -MOTION:] * step_s)
+        # Places as complex numbers: each step is turned by the heading before it.
         ahead, left, turn = np.transpose(steps)
         heading = np.cumsum(turn)
         displacement = ((ahead + 1j * left) * np.exp(1j * np.append(0.0, heading[:-1]))).sum()

@@ -193,7 +193,7 @@ def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
             "at least one row of each kind",
             "lower forecast.held_out_block_deltas, or take a longer film",
         )
-    rng = np.random.default_rng((p.seed, 2))
+    rng = np.random.default_rng((p.seed, 2))  # not the numbers that chose the blocks
 
     def sample(part: Ints) -> Ints:
         """Return at most `p.most_rows` random rows of a part, ascending."""

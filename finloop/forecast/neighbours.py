@@ -22,7 +22,7 @@ from finloop.base.nearest import MOST, Nearest, assign_parts
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.settings import ForecastSettings
 
-_LOT = 512  # rows whose neighbours are sought at a time
+_BATCH = 512  # rows whose neighbours are sought at a time
 _TURN = 4096  # successive rows whose neighbours are all in one part of a long film
 _STRETCH = 20  # Δ, length of the stretches of film of which a part consists
 _BLOCK = 50_000  # rows embedded at a time, to save memory
@@ -91,13 +91,13 @@ def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np
     unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
     weight = 0.5 ** (film.lags / (fade_deltas * film.delta))
 
-    def embed(lot: Ints) -> Floats:
+    def embed(batch: Ints) -> Floats:
         """Return the vectors (k, l d) of some rows (k,), before the mean is subtracted."""
-        return (film.past(lot) / unit * weight[:, None]).reshape(len(lot), -1)
+        return (film.past(batch) / unit * weight[:, None]).reshape(len(batch), -1)
 
-    lots = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
-    mean = sum(embed(lot).sum(0) for lot in lots) / len(rows)
-    return np.concatenate([(embed(lot) - mean).astype(np.float32) for lot in lots])
+    batches = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
+    mean = sum(embed(batch).sum(0) for batch in batches) / len(rows)
+    return np.concatenate([(embed(batch) - mean).astype(np.float32) for batch in batches])
 
 
 def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
@@ -108,13 +108,13 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     of several parts (`assign_parts`) all neighbours of a row are in one part, which changes every
     few thousand rows.
     """
-    rows, film_rows = film.rows, int((film.rows < film.count).sum())
+    rows, film_rows = film.rows, int((film.rows < film.count).sum())  # with mirror images; without
     passage, examined = max(film.delta, round(film.memory)), _NEAR * _SPARE * p.neighbours
     pasts, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
     parts = 1 + int(part.max())
-    most = max(_MOST // parts, _FEWEST * examined)
+    most_near = max(_MOST // parts, _FEWEST * examined)
 
     @lru_cache(1)
     def index_part(number: int) -> tuple[Ints, Nearest]:
@@ -122,27 +122,28 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
         members = np.flatnonzero(part == number)
         return members, Nearest.from_vectors(pasts[members], MOST if parts == 1 else len(members))
 
-    for first in range(0, film_rows, _LOT):
-        lot = np.arange(first, min(first + _LOT, film_rows))
-        members, index = index_part(first // _TURN % parts)
+    def find_similar(batch: Ints) -> Ints:
+        """Return the rows (b, count) similar to rows[batch], of one part; −1 for none."""
+        members, index = index_part(int(batch[0]) // _TURN % parts)
 
-        def choose(
-            queries: Ints, near: Ints, lot: Ints = lot, members: Ints = members
-        ) -> tuple[tuple[Ints], Mask]:
-            """Return what `_choose_passages` does for a batch of queries (k,).
+        def choose(queries: Ints, near: Ints) -> tuple[tuple[Ints], Mask]:
+            """Return what `_choose_passages` does for some queries (k,), numbers in `batch`.
 
-            queries: numbers in `lot`; near (k, l): numbers in `members`, the rows of this part of
-            the film, the nearest first, −1 for none. lot, members: those of this turn of the loop.
+            near (k, l): numbers in `members`, the nearest first, −1 for none.
             """
             candidates = np.where(near < 0, -1, members[near])
             return _choose_passages(
-                rows, lot, looks, p.look, queries, candidates, examined, passage,
+                rows, batch, looks, p.look, queries, candidates, examined, passage,
                 count=_SPARE * p.neighbours,
             )  # fmt: skip
 
-        (similar,) = index.choose(pasts[lot], examined, choose, most)  # (lot, count), −1 for none
+        return index.choose(pasts[batch], examined, choose, most_near)[0]
+
+    for first in range(0, film_rows, _BATCH):
+        batch = np.arange(first, min(first + _BATCH, film_rows))
+        similar = find_similar(batch)
         query, rank = np.nonzero(similar >= 0)
-        yield np.column_stack([rows[lot[query]], similar[query, rank]])
+        yield np.column_stack([rows[batch[query]], similar[query, rank]])
 
 
 def _choose_alike_pairs(
@@ -173,20 +174,20 @@ def _visible_distances_after(pairs: Ints, film_rows: int, visible: VisibleDistan
 
 @kernel
 def _choose_passages(
-    rows: Ints, lot: Ints, looks: NDArray[np.float32], most_apart: float, queries: Ints, near: Ints,
-    most_examined: int, apart_rows: int, count: int,
+    rows: Ints, batch: Ints, looks: NDArray[np.float32], most_apart: float, queries: Ints,
+    near: Ints, most_examined: int, apart_rows: int, count: int,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
     """Choose for each query the nearest rows that look alike, at most one of each passage of film.
 
-    The queries are the rows rows[lot[queries]]. Returns rows (k, count), −1 for none, and a mask
+    The queries are the rows rows[batch[queries]]. Returns rows (k, count), −1 for none, and a mask
     (k,): True where `count` passages, or all the rows to be examined, are there. near (k, l):
     candidates as numbers into `rows`, the nearest first. looks (m, c): rows look alike where they
-    are at most `most_apart` apart. most_examined: alike rows that are examined; apart_rows: rows
-    between two passages, at least.
+    are at most `most_apart` apart. most_examined: how many rows that look alike are examined before
+    a query ends; apart_rows: fewest rows between two passages, and between one and the query.
     """
     choice, done = np.full((len(queries), count), -1), np.zeros(len(queries), np.bool_)
     for k in range(len(queries)):
-        row, chosen, examined = lot[queries[k]], 0, 0
+        row, chosen, examined = batch[queries[k]], 0, 0
         for c in range(near.shape[1]):
             neighbour = near[k, c]
             if neighbour < 0 or chosen == count or examined == most_examined:

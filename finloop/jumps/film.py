@@ -157,6 +157,7 @@ def _nearest_by_passage(
         for c in np.argsort(distance, kind="mergesort"):
             if chosen == count or distance[c] == np.inf:
                 break
+            # No local minimum if a neighbour in the film is nearer; of equal ones the first is.
             has_before = c > 0 and targets_near[k, c - 1] == targets_near[k, c] - 1
             has_after = c + 1 < len(distance) and targets_near[k, c + 1] == targets_near[k, c] + 1
             if (has_before and distance[c - 1] <= distance[c]) or (

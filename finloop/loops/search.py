@@ -204,10 +204,11 @@ def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # t
                 if track[row] != track[a]:
                     continue
                 first, end = start[row], start[row + 1]
-                skipped = np.searchsorted(column[first:end], b - radius_frames)
+                skipped = np.searchsorted(column[first:end], b - radius_frames)  # too early ones
                 for neighbour in range(first + skipped, end):
                     if column[neighbour] > b + radius_frames:
                         break
+                    # Pairs are visited in order, so an equal one that is a minimum comes before.
                     less = filtered[neighbour] < filtered[pair] or (
                         filtered[neighbour] == filtered[pair] and minimum[neighbour]
                     )

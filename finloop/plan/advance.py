@@ -243,9 +243,9 @@ def turn_branch_to_row(graph, branch, row):  # type: ignore[no-untyped-def]
 def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
     """Extend a branch by some ticks of film; return whether its new end is free.
 
-    Free is inside the tank and clear of other fish; only then the branch (dtype `BRANCH`) is
-    changed in place. search: `Search`; its route, if that has points, steers the branch: it turns
-    evenly by `turn_deg` a tick, and at the end is shifted towards the route.
+    Free is inside the tank and clear of other fish, at the new end alone; only then the branch
+    (dtype `BRANCH`) is changed in place. search: `Search`; its route, if that has points, steers
+    the branch: it turns evenly by `turn_deg` a tick, and at the end is shifted towards the route.
     """
     graph, start = search.graph, search.start
     row, route, steering = branch.row, search.objective.route, search.objective.steering

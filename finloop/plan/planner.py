@@ -403,8 +403,9 @@ class Planner:
     ) -> tuple[Stretch, Progress]:
         """Return the stretch of the next planned run of film, and progress with the later runs.
 
-        The stretch has no tick where the run leaves the tank at once. before: progress and planned
-        runs; plan: result of the search that chose the run, None if an earlier search chose it.
+        The stretch has no tick where the run leaves the tank at once. The later runs are dropped
+        where this one ends early. before: progress and planned runs; plan: result of the search
+        that chose the run, None if an earlier search chose it.
         """
         run, *later_runs = before.runs
         source = self.film if before.motion == FILM else self.prediction
@@ -413,7 +414,7 @@ class Planner:
         passage = source.swim_run(fish, run, before.along, objective, target)
         on_path, trajectory = len(objective.route.x) > 0, passage.trajectory
         reason, quadrant = JUMP if passage.jumps else PLAY, 0
-        if len(trajectory) and not on_path:
+        if len(trajectory) and not on_path:  # where the fish swims; not told of a path
             x, y, _ = trajectory[-1].tolist()
             quadrant = quadrant_of_displacement(x - fish.x, fish.y - y)
         decision = Decision(

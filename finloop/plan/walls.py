@@ -104,7 +104,8 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
     """Return x, y px of about the nearest place at which a picture fits, and whether it fits there.
 
     picture: film row, or −1 − number of a sprite; heading: degrees. Without discs of the body it is
-    the nearest roomy pixel; with discs the picture is moved off the walls up to _PUSHES times.
+    the nearest pixel at which every picture fits; with discs the picture is moved off the nearest
+    wall up to _PUSHES times.
     """
     if fits_in_tank(bounds, picture, x, y, heading):
         return x, y, True

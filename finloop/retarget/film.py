@@ -118,9 +118,9 @@ def retarget_track(
 ) -> Retargeted:
     """Return edit list, requested motion and metrics of the film's fish on a recorded track.
 
-    film: the film whose frames are drawn; p: the group `retarget` of the parameters; others: of
-    other stages. FinloopError if the track is too short, swims tail first, has no body length, or
-    does not fit into the tank.
+    film: the film whose frames are drawn; p: the group `retarget` of the parameters; others: those
+    of other stages. FinloopError if the track is too short, swims tail first, has no body length,
+    or does not fit into the tank.
     """
     reel = film.reel
     motion = resample_track(track, film.rate_hz, p)

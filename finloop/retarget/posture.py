@@ -45,6 +45,7 @@ def fit_postures(
     the animal to draw; codes (T, c): the pose codes (principal-component scores), None if unknown.
     Postures unlike all of the film are changed to the nearest ones of the film.
     """
+    # Unknown codes depend on the heading, and this on the posture: they are estimated in turn.
     rounds = _ROUNDS if codes is None else 1
     # Directions of the head, seen from a third of the body, and of the body's steps against it.
     neck = max(1, int(np.argmin(np.abs(along - _HEAD))))

@@ -55,7 +55,7 @@ class FilmRows:
         """
         n, span = len(reel), max(1, round(infer_delta_frames(reel.features) / 4))
         sides = len(look) // n  # 2 with mirror images, else 1
-        # Three parts (2, n, …), of the rows and of their mirror images, and what scales each.
+        # Parts (2, n, …) of a vector, of the rows and of their mirror images, and what scales each.
         codes = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
         change = np.stack([change_per_row(part, reel.has_next_frame, span) for part in codes])
         motion = measure_film_motion(reel, span)
@@ -64,25 +64,26 @@ class FilmRows:
             weights.change / part_divisors(change),
             weights.motion_weight / part_divisors(motion, each=True),
         ]
-        scaled = zip((codes, change, motion), scales, strict=True)
-        parts = [part[:sides] * scale for part, scale in scaled]
-        scaled_look = weights.appearance_weight * np.asarray(look, float).reshape(sides, n, -1)
-        # The natural step: the median distance between a row and the next, by all four parts.
-        first, after = reel.step_ends
-        vectors = np.concatenate([*parts, scaled_look], axis=-1)[0]
-        steps = np.linalg.norm(vectors[after] - vectors[first], axis=-1)
-        natural_step = max(float(np.median(steps)), 1e-12)
-        used = slice(0 if has_postures else 2, 3)  # without postures the motion alone
-        # What is visible at a jump: light and skin; without postures in the track the pose, too.
-        visible = [scaled_look] if has_postures else [parts[0], scaled_look]
+        pose_part, change_part, motion_part = (
+            part[:sides] * scale
+            for part, scale in zip((codes, change, motion), scales, strict=True)
+        )
+        look_part = weights.appearance_weight * np.asarray(look, float).reshape(sides, n, -1)
+        all_parts = [pose_part, change_part, motion_part, look_part]
+        natural_step = _median_step(reel, np.concatenate(all_parts, axis=-1)[0])
+        # A track without postures is compared by its motion alone. The film's pose is free there,
+        # so at a jump not only light and skin change visibly, but the pose, too.
+        compared, visible = all_parts[:3], [look_part]
+        if not has_postures:
+            scales, compared, visible = scales[2:], [motion_part], [pose_part, look_part]
         next_row = np.where(reel.has_next_frame, np.arange(n) + 1, -1)
         next_mirror_image = np.where(next_row < 0, -1, next_row + n)
         return cls(
             count=n,
-            values=_join_and_flatten(parts[used]) / natural_step,
+            values=_join_and_flatten(compared) / natural_step,
             seen=_join_and_flatten(visible) / natural_step,
             follows=np.concatenate([next_row, next_mirror_image][:sides]),
-            scales=[scale / natural_step for scale in scales[used]],
+            scales=[scale / natural_step for scale in scales],
             span=span,
         )
 
@@ -117,6 +118,13 @@ class FilmRows:
         return np.concatenate(scaled, axis=-1)
 
 
+def _median_step(reel: Reel, vectors: Floats) -> float:
+    """Return the median distance between the vectors (n, d) of a row and of the next one."""
+    first, after = reel.step_ends
+    steps = np.linalg.norm(vectors[after] - vectors[first], axis=-1)
+    return max(float(np.median(steps)), 1e-12)
+
+
 def _join_and_flatten(parts: list[Floats]) -> Floats:
     """Return arrays (s, n, …) joined along the last axis as a matrix (s n, …)."""
     joined = np.concatenate(parts, axis=-1)
@@ -136,32 +144,42 @@ def find_cheapest_rows(
     index = Nearest.from_vectors(rows.values[usable].astype(np.float32))
     nearest = index.search(requested, min(candidates, len(usable)))
     # The beam: the rows that end the cheapest sequences so far, and what these cost. Each tick
-    # keeps it, and the places in the last beam from which its rows are reached.
+    # keeps it, and the index in the last beam of the row from which each row is reached.
     beam, costs = np.zeros(0, np.int64), np.zeros(0)
     beams: list[Ints] = []
     origins: list[Ints] = []
     for tick, wanted in enumerate(requested):
         follows = rows.follows[beam]
-        plays_on = np.flatnonzero(follows >= 0)
-        tried = np.union1d(usable[nearest[tick][nearest[tick] >= 0]], follows[plays_on])
+        tried = np.union1d(usable[nearest[tick][nearest[tick] >= 0]], follows[follows >= 0])
         cost = np.linalg.norm(rows.values[tried] - wanted, axis=1) / delta  # of being unlike
         origin = np.full(len(tried), -1)
         if tick:
-            # The least cost of reaching each tried row from a row of the beam: by a jump, whose
-            # discontinuity is that from the row that was due, or by playing on, which costs
-            # nothing.
-            due = np.where(follows >= 0, follows, beam)
-            discontinuity = np.linalg.norm(rows.seen[due][:, None] - rows.seen[tried], axis=-1)
-            total = costs[:, None] + switch + discontinuity  # (beam, tried)
-            total[plays_on, np.searchsorted(tried, follows[plays_on])] = costs[plays_on]
-            origin = total.argmin(0)
-            cost += total[origin, np.arange(len(tried))]
+            reach_costs = _costs_of_reaching(rows, tried, beam, costs, switch)
+            origin = reach_costs.argmin(0)
+            cost += reach_costs[origin, np.arange(len(tried))]
         kept = np.sort(np.argsort(cost, kind="stable")[: _BEAM * candidates])
         beam, costs = tried[kept], cost[kept]
         origins.append(origin[kept])
         beams.append(beam)
-    # The cheapest sequence, from the last tick back to the first: its places in the beams.
-    places = [int(costs.argmin())]
+    # The cheapest sequence, from the last tick back to the first, as indices in the beams.
+    indices = [int(costs.argmin())]
     for origin in origins[:0:-1]:
-        places.append(int(origin[places[-1]]))
-    return np.array([beam[place] for beam, place in zip(beams, places[::-1], strict=True)])
+        indices.append(int(origin[indices[-1]]))
+    return np.array([beam[index] for beam, index in zip(beams, indices[::-1], strict=True)])
+
+
+def _costs_of_reaching(
+    rows: FilmRows, tried: Ints, beam: Ints, costs: Floats, switch: float
+) -> Floats:
+    """Return the costs (b, k) of the sequences of a beam when each goes on with each tried row.
+
+    beam (b,): the last rows of the sequences; costs (b,): of these; tried (k,): rows, ascending. A
+    jump costs `switch` and its discontinuity from the row that was due; playing on costs nothing.
+    """
+    follows = rows.follows[beam]
+    due = np.where(follows >= 0, follows, beam)
+    discontinuity = np.linalg.norm(rows.seen[due][:, None] - rows.seen[tried], axis=-1)
+    reach_costs = costs[:, None] + switch + discontinuity
+    plays_on = np.flatnonzero(follows >= 0)
+    reach_costs[plays_on, np.searchsorted(tried, follows[plays_on])] = costs[plays_on]
+    return reach_costs

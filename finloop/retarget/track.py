@@ -58,7 +58,7 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
     """
     name, frame, points = _select_animal(poses, p)
     order = body_keypoint_numbers(poses.keypoints, points, p)
-    first, last = p.keypoint_range
+    first, last = p.keypoint_range  # shares of the body at which these keypoints begin and end
     if len(order) > 2:
         body_shares = np.arange(steps + 1) / steps
         along = body_shares[(body_shares >= first - 1e-9) & (body_shares <= last + 1e-9)]

@@ -245,10 +245,11 @@ def _fit_points(settings: TrackerSettings) -> Calibration | None:
     if not transform:
         return None
     matrix = np.asarray(transform.params) @ flip
-    weights = tracker @ matrix[2, :2] + matrix[2, 2]
-    if not np.isfinite(matrix).all() or weights.min() * weights.max() <= 0:
-        return None  # some points would be behind the camera
-    fit = Calibration(_to_rows(matrix / weights.mean()), up)
+    # The points' third homogeneous coordinates: of one sign if all are in front of the camera.
+    depths = tracker @ matrix[2, :2] + matrix[2, 2]
+    if not np.isfinite(matrix).all() or depths.min() * depths.max() <= 0:
+        return None
+    fit = Calibration(_to_rows(matrix / depths.mean()), up)
     errors = np.array([fit.map_place(x, y) for x, y in tracker.tolist()]) - tank
     return fit._replace(error_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))))
 
