@@ -235,7 +235,7 @@ def test_similar_rows_do_not_depend_on_how_many_are_looked_at_at_a_time(film, mo
         return np.where((rows + to) % 3 == 0, 9.0, 0.0)
 
     whole = build_similarity_graph(film, plain(film), toy_discontinuities, HOW)
-    monkeypatch.setattr(neighbours, "_LOT", 7)
+    monkeypatch.setattr(neighbours, "_BATCH", 7)
     monkeypatch.setattr(neighbours, "_BLOCK", 50)
     assert len(film.rows) > 100
     for one, other in zip(
@@ -248,7 +248,7 @@ def test_neighbours_in_a_long_film_are_of_a_part_of_it(film, monkeypatch):
     """Each turn of rows has another part, so that every part is reached."""
     monkeypatch.setattr(neighbours, "assign_parts", partial(assign_parts, most=film.count // 3))
     monkeypatch.setattr(neighbours, "_TURN", 50)
-    monkeypatch.setattr(neighbours, "_LOT", 25)
+    monkeypatch.setattr(neighbours, "_BATCH", 25)
     part = neighbours.assign_parts(film.count, neighbours._STRETCH * film.delta)
     parts, order = 1 + int(part.max()), np.empty(len(film.states), int)
     order[film.rows] = np.arange(len(film.rows))

@@ -127,7 +127,7 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     """Swim a planned trajectory, steered to the route, up to the target, route's end or a wall.
 
     planned (m + 1, 3): x, y px, heading in degrees, as filmed, from the fish's present place on;
-    its first t ≤ m steps are swum, those after them only tell where the film leads; speeds_bl_s
+    the fish swims its first t ≤ m steps, the others only tell where the film leads; speeds_bl_s
     (m,): body lengths/s; rows (t,): film rows shown; along_px: px along the route; tick: of the
     present place. Without a route the fish stops at the target, and at the waypoint
     `objective.aim`.
