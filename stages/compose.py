@@ -100,7 +100,6 @@ def _is_override(text: str) -> bool:
         override = OverridesParser.create().parse_override(text)
     except HydraException:
         return False
-    name = override.key_or_group.partition(".")[0]
     if override.is_sweep_override():
         key, _, values = text.partition("=")
         decimal = re.fullmatch(r"(\d+),(\d+)", values)  # with a comma, as in "0,5"
@@ -110,6 +109,7 @@ def _is_override(text: str) -> bool:
             f'for a run with each value: make sweep S="{text}"'
             + (f"; for a decimal point: {key}={decimal[1]}.{decimal[2]}" if decimal else ""),
         )
+    name = override.key_or_group.partition(".")[0]
     if not name:
         return False  # `key =5`, which the shell has split
     if "/" in name and not name.startswith("hydra"):
@@ -121,17 +121,28 @@ def _is_override(text: str) -> bool:
             f"{name}.NAME=VALUE",
             f"`make params S=help={name}` prints the names",
         )
-    known = [*GROUPS, FOLDER, LOCAL.parent.name, "hydra", *STAMPS]
-    if not (override.is_add() or override.is_delete()) and name.partition("/")[0] not in known:
-        near = get_close_matches(name, known, 1)
-        meant = full_names(name, GROUPS) if name == override.key_or_group else ""
-        meant = meant or (near[0] if near else "")
-        raise FinloopError(
-            f"{text}: there is no group {name}" + (f"; did you mean {meant}?" if meant else ""),
-            f"one of {', '.join(GROUPS)}",
-            "correct the name; `make params S=help=bpn` prints the parameters of a group",
-        )
+    if not (override.is_add() or override.is_delete()):
+        _refuse_unknown_group(text, name, override.key_or_group)
     return True
+
+
+def _refuse_unknown_group(text: str, group: str, key: str) -> None:
+    """Raise FinloopError if an override's group is unknown, with the name that was perhaps meant.
+
+    text: the override, `key=value`; key: `group` or `group.name`.
+    """
+    known = [*GROUPS, FOLDER, LOCAL.parent.name, "hydra", *STAMPS]
+    if group.partition("/")[0] in known:
+        return
+    near = get_close_matches(group, known, 1)
+    # Without a dot it may be a parameter whose group was forgotten.
+    meant = full_names(group, GROUPS) if group == key else ""
+    meant = meant or (near[0] if near else "")
+    raise FinloopError(
+        f"{text}: there is no group {group}" + (f"; did you mean {meant}?" if meant else ""),
+        f"one of {', '.join(GROUPS)}",
+        "correct the name; `make params S=help=bpn` prints the parameters of a group",
+    )
 
 
 def _quote_value(override: str) -> str:

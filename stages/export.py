@@ -137,7 +137,7 @@ def main() -> None:
         drawn = project.edit_with_sources(
             p.mode, "export", USED, sprites=True, bodies=p.stimulus_seconds > 0
         )
-        edit, tracks, mm = drawn.edit, drawn.tracks, facts.mm_per_px
+        edit, tracks, mm_per_px = drawn.edit, drawn.tracks, facts.mm_per_px
         length_px = project.drawn_scale(p.mode) * float(features["body_length_px"].median())
         least_frames = round(p.tracks_min_s * facts.frame_rate)
         animals = animal_names(project, tracks)
@@ -153,17 +153,17 @@ def main() -> None:
             shutil.copyfile(atlas, folder / atlas.name)
         if edit["pose"].notna().any():
             shutil.copyfile(project.data / "pose/shapes.json", folder / "shapes.json")
-        readable_edit = add_film_sources(edit, tracks, sprites, mm, length_px)
+        readable_edit = add_film_sources(edit, tracks, sprites, mm_per_px, length_px)
         save_csv(folder / f"{p.mode}.csv", flatten_poses(readable_edit), decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", readable_edit, READABLE)
         save_csv_in_blocks(folder / "tracks.csv", deeplabcut_tables(points), decimals=3)
-        if mm is not None:
-            in_mm = replace(points, places=points.places * mm)
+        if mm_per_px is not None:
+            in_mm = replace(points, places=points.places * mm_per_px)
             save_csv_in_blocks(folder / "tracks_mm.csv", deeplabcut_tables(in_mm), decimals=4)
         if p.tracks_netcdf:
-            save_netcdf(folder / "tracks.nc", points, facts.frame_rate, mm)
+            save_netcdf(folder / "tracks.nc", points, facts.frame_rate, mm_per_px)
         if p.tracks_nwb:
-            save_nwb(folder / "nwb", points, facts.frame_rate, mm)
+            save_nwb(folder / "nwb", points, facts.frame_rate, mm_per_px)
     animation = films["films"][p.mode]
     metrics = {
         "crop_width_px": animation["width_px"],

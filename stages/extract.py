@@ -155,21 +155,20 @@ def _extract_films(
     for part in parts:
         if part.name not in errors:
             with _leave_out_on_error(part, errors):
-                p = settings
-                if settings.tracks_path:
-                    path = find_tracks_path(Path(part.path), settings.tracks_path)
-                    print(f"finloop: note: the tracks of {part.name} are {path}", file=sys.stderr)
-                    p = replace(settings, tracks_path=path)
-                jobs.append((part, p, key_digest(_track_inputs(clip / FILMS / part.name, p))))
-    remove_folders_except(PIECES, [digest for _, _, digest in jobs])
-    for part, p, digest in jobs:
-        film_folder = Path(FILMS) / part.name
+                film_settings = _settings_of_film(part, settings)
+                inputs = _track_inputs(clip / FILMS / part.name, film_settings)
+                jobs.append((part, film_settings, key_digest(inputs)))
+    # Results under other digests are of other parameters or films: nothing will read them.
+    digests = [digest for _, _, digest in jobs]
+    remove_folders_except(PIECES, digests)
+    for part, film_settings, digest in jobs:
+        film_folder, pieces = Path(FILMS) / part.name, Pieces(PIECES / digest)
         print(f"finloop: {part.name}", file=sys.stderr)
         with _leave_out_on_error(part, errors):
-            make = partial(_extract_film, clip / film_folder, p, pool, Pieces(PIECES / digest))
+            make = partial(_extract_film, clip / film_folder, film_settings, pool, pieces)
             metrics = reuse_or_make(KEPT / digest, folder / film_folder, make)
             numbers |= {f"{part.name}_{name}": value for name, value in metrics.items()}
-    remove_folders_except(KEPT, [digest for _, _, digest in jobs])
+    remove_folders_except(KEPT, digests)
     contributions = join_extractions(clip, folder, errors)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
     numbers["fish_frames"] = sum(item.rows for item in contributions)
@@ -179,6 +178,18 @@ def _extract_films(
         *map(_film_row, contributions),
         *({"film": name, "left_out_because": error} for name, error in errors.items()),
     ]
+
+
+def _settings_of_film(part: FilmPart, settings: ExtractSettings) -> ExtractSettings:
+    """Return the settings with the path of one film's tracks in place of the pattern for all films.
+
+    A note that says which path is used is printed. Without a pattern nothing is changed.
+    """
+    if not settings.tracks_path:
+        return settings
+    path = find_tracks_path(Path(part.path), settings.tracks_path)
+    print(f"finloop: note: the tracks of {part.name} are {path}", file=sys.stderr)
+    return replace(settings, tracks_path=path)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -68,33 +69,21 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     There are errors for this hoop and for one without mass; and the largest rise of the hoop's
     energy, which should only fall, as a share of the energy in the beginning.
     """
-    # The hoop at rest is a circle of the drawn outline's area, in the beginning it is the outline.
-    outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
-    angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
-    radius = np.sqrt(abs(signed_area(outline)) / np.pi)
-    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    shape, rest = match_curves(outline, Curve(ring, closed=True), HOOP_POINTS)
-    displacement = shape - shape.mean(axis=0) - rest
-    # Mode m swings m √(e₀/ρ) times per unit of time: the oval, m = 2, once.
-    material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
-    times = np.linspace(0, 3, 181)
-    problem = Problem(rest, displacement, material, times, wavelet=p.wavelet)
-    exact = solve_motion(problem)
-    no_mass = Material(density=0.0, elastic=1.0, mass_damping=1.0, stiffness_damping=0.02)
-    massless = Problem(rest, displacement, no_mass, np.linspace(0, 1, 61), wavelet=p.wavelet)
+    hoop, massless = _bent_hoops(p)
+    exact = solve_motion(hoop)
     # The errors of the solvers that can solve each case.
     numbers: dict[str, float] = {}
     for name, case, options, methods in (
-        ("hoop", problem, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
+        ("hoop", hoop, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
         ("massless", massless, SolverOptions(levels=3, substeps=40), EULER),
     ):
         for method in methods:
             error = solve_motion(case, method, options).error
             numbers[f"{name}_error_{method.replace('-', '_')}"] = error
-    total = total_energy(problem, exact)
+    total = total_energy(hoop, exact)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
     # Fig. 6 shows times 0 to 1.1, Fig. 7 every second of them, drawn through few points.
-    ticks = np.arange(0, 72, 4)
+    ticks, times, rest = np.arange(0, 72, 4), hoop.times, hoop.rest
     frames = exact.displacement + rest
     save_figure(FIGURES / "fig6.png", figure6(frames[ticks], times[ticks], rest, "a hoop let go"))
     ticks = ticks[::2]
@@ -105,6 +94,24 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     title = "the same, of few control points"
     save_figure(FIGURES / "fig7.png", figure7(coarse_frames, times[ticks], title))
     return numbers
+
+
+def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
+    """Return the problem of a bent hoop that is let go, with and without mass.
+
+    At rest the hoop is a circle; in the beginning it is the outline drawn in `p.hoop`, of its area.
+    """
+    outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
+    angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
+    radius = np.sqrt(abs(signed_area(outline)) / np.pi)
+    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    shape, rest = match_curves(outline, Curve(ring, closed=True), HOOP_POINTS)
+    displacement = shape - shape.mean(axis=0) - rest
+    # Mode m swings m √(e₀/ρ) times per unit of time: the oval, m = 2, once.
+    material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
+    no_mass = Material(density=0.0, elastic=1.0, mass_damping=1.0, stiffness_damping=0.02)
+    hoop = Problem(rest, displacement, material, np.linspace(0, 3, 181), wavelet=p.wavelet)
+    return hoop, replace(hoop, material=no_mass, times=np.linspace(0, 1, 61))
 
 
 def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:

@@ -67,8 +67,8 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
         players = {name: animator.player for name, animator in animators.items()}
         first = next(iter(animators.values()))
         pictures, most_unlike = first.pictures, p.fade_steps * first.step
-        size, scene = pictures.reel.scale, project.scene
-        shadow = Shadow(q.shadow_darkness, q.shadow_blur * size * scene.typical_length_px)
+        length_px = pictures.reel.scale * project.scene.typical_length_px
+        shadow = Shadow(q.shadow_darkness, q.shadow_blur * length_px)
         painter = Painter(project.background, shadow=shadow)
         stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
         cutout_sets = build_cutout_sets(stores, project.tracks(PLACE), project.sprites)

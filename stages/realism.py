@@ -211,24 +211,22 @@ def _compare_swimming(
     p, q: the parameters `realism` and `animate`. FinloopError if no fish is followed in the film.
     """
     rate, features = project.rate_hz, project.features
+    # By mode or FILM: edit lists to draw, and how the fish in their pictures are measured.
     works = {
         FILM: sample_film_lists(
             features, longest=round(q.seconds * rate), most=round(p.seconds * rate), seed=p.seed
         )
     }
-    instrument = build_instrument(project)
-    instruments = {FILM: instrument}
+    instruments = {FILM: build_instrument(project)}
+    mode_inputs = {}  # what a mode's results depend on beside INPUTS, on which all depend
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
         if path.exists():
+            scale = project.drawn_scale(mode)
             works[mode] = [Work(edit) for edit in split_by_fish(load_table(path, EDIT))]
-            instruments[mode] = instrument.adapt_to_animation(project.drawn_scale(mode))
-    # A mode's results are kept until its animation changes; those of the film depend on INPUTS.
-    own = {
-        mode: [path_digest(ANIMATE / mode / "samples.parquet"), project.drawn_scale(mode)]
-        for mode in works.keys() - {FILM}
-    }
-    kept = open_kept("realism", INPUTS, own)
+            instruments[mode] = instruments[FILM].adapt_to_animation(scale)
+            mode_inputs[mode] = [path_digest(path), scale]
+    kept = open_kept("realism", INPUTS, mode_inputs)  # results of an earlier run
     measured = measure_swimming(works, GalleryOpener(project), instruments, pool, kept)
     if FILM not in measured:
         raise FinloopError(

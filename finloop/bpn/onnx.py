@@ -48,6 +48,7 @@ def build_onnx_model(model: MotionModel) -> onnx.ModelProto:
         ("Mul", ["output_span"]), ("Add", ["output_offset"]),
         ("Max", ["output_low"]), ("Min", ["output_high"]),
     ]  # fmt: skip
+    # Each operator reads the name before it, and writes the name after it.
     names = [INPUT_NAME, *(f"step_{number}" for number in range(1, len(chain))), OUTPUT_NAME]
     nodes = [
         helper.make_node(kind, [names[number], *constant_names], [names[number + 1]])

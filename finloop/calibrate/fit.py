@@ -63,13 +63,35 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
 
     The best zones predict the later headings of the fish. Parameters that are not "auto" stay
     fixed; listed radii and blind angles are tried for the others. The second half tests them.
+    Vectors are complex numbers relative to a fish's own direction, which is 1.
     """
     rows, held_out = (film.rows_for_fit(first, settings.rows) for first in (True, False))
-    seen, wall = film.visible_neighbours(rows), _wall_pull(film, rows)
-    after = film.relative_headings(rows)  # later directions; 1 is straight on
+    wall = _wall_pull(film, rows)
+    after = film.relative_headings(rows)  # later directions
     weights = (settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight)
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
-    parts = film.frame[rows] < np.median(film.frame[rows])  # each predicts the other
+    best = _choose_zones(film, rows, settings, fixed)
+    with_zones, _ = fit_directions(best.pulls, wall, after, fixed)
+    direction_weight = max(float(with_zones[0]), _LEAST_DIRECTION)
+    zones = _weighted_zones(best.radii, best.blind_deg, with_zones[1:4] / direction_weight, fixed)
+    without, _ = fit_directions(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
+    explained, explained_held_out = (
+        _explained_share(film, half, zones, with_zones, without) for half in (rows, held_out)
+    )
+    return ZoneFit(zones, direction_weight, explained, explained_held_out)
+
+
+def _choose_zones(
+    film: FilmGroup, rows: Ints, settings: CalibrateSettings, fixed: Sequence[float | None]
+) -> _ZoneChoice:
+    """Return the radii and the blind angle that best predict later headings on held-out rows.
+
+    rows: of the film, of which each half in time is predicted from the other; fixed: weights of the
+    zones, None for one that is fitted.
+    """
+    seen, wall = film.visible_neighbours(rows), _wall_pull(film, rows)
+    after = film.relative_headings(rows)
+    is_first_part = film.frame[rows] < np.median(film.frame[rows])
     choices = _possible_radii(settings)
     all_radii = sorted({radius for radii in choices for radius in radii})
     blind_angles = [settings.blind_angle_deg]
@@ -80,19 +102,12 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
         sums = NeighbourSums(seen, all_radii, angle)
         for radii in choices:
             pulls = sums.zone_pulls(radii)
-            error = cross_validate(pulls, wall, after, fixed, parts)
+            error = cross_validate(pulls, wall, after, fixed, is_first_part)
             # Not by rounding alone: of equally good zones the smaller ones are taken.
             if best is None or error < best.error * (1 - _EQUAL):
                 best = _ZoneChoice(error, radii, angle, pulls)
     assert best is not None
-    with_zones, _ = fit_directions(best.pulls, wall, after, fixed)
-    direction_weight = max(float(with_zones[0]), _LEAST_DIRECTION)
-    zones = _weighted_zones(best.radii, best.blind_deg, with_zones[1:4] / direction_weight, fixed)
-    without, _ = fit_directions(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
-    explained, explained_held_out = (
-        _explained_share(film, half, zones, with_zones, without) for half in (rows, held_out)
-    )
-    return ZoneFit(zones, direction_weight, explained, explained_held_out)
+    return best
 
 
 def _explained_share(

@@ -434,7 +434,7 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
         )
     step = float(intervals.mean()) / substeps
     system = _wavelet_system(problem, options)
-    c, k, force = system.c, system.k, system.force
+    c, k, force = system.c, system.k, system.force  # C, K and Q in the wavelet basis
     if not implicit:
         stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
         material = problem.material
@@ -446,15 +446,18 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
                 f"set options.substeps to {int(np.ceil(substeps * step * fastest / 2))} or "
                 "more, or use implicit-euler",
             )
-    solve = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
-    solve_c = _build_solver(c, "sparse") if implicit else solve
+    solve_step = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
+    solve_rate = _build_solver(c, "sparse") if implicit else solve_step  # q̇ = C⁻¹(Q − K q)
     q = system.transform(problem.displacement)
     states = [q]
     for _ in intervals:
         for _ in range(substeps):
-            q = solve(c @ q + step * force) if implicit else q + step * solve(force - k @ q)
+            if implicit:
+                q = solve_step(c @ q + step * force)
+            else:
+                q = q + step * solve_step(force - k @ q)
         states.append(q)
-    rates = [solve_c(force - k @ q) for q in states]
+    rates = [solve_rate(force - k @ q) for q in states]
     displacement, velocity = system.inverse(np.stack(states)), system.inverse(np.stack(rates))
     return Trajectory(problem.times, displacement, velocity)
 

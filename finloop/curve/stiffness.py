@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from scipy.sparse import csr_array
 
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 from finloop.curve.wavelet import (
     count_halvings,
@@ -146,41 +146,59 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
     """Return the stiffness matrix K (n, n) in the wavelet basis, ordered as by `wavelet_transform`.
 
     n: points of the curve; elastic: the constant e₀; levels: 0 gives K in the basis of scaling
-    functions φ. A step at one scale is 2, 4, … steps at finer scales, so the first row of a scale
-    gives all its rows. FinloopError if n cannot be halved `levels` times, the wavelet is longer
-    than the curve, or its stiffness is not finite.
+    functions φ. FinloopError if n cannot be halved `levels` times, the wavelet is longer than the
+    curve, or its stiffness is not finite.
     """
     wavelet_for_transform(wavelet, n, levels)  # only to check the arguments
-    stiffness_row = first_stiffness_row(wavelet, n, elastic)
     slices = scale_slices(n, levels)
-    units = np.zeros((n, len(slices)))
-    units[[scale.start for scale in slices], range(len(slices))] = 1
-    functions = inverse_transform(units, wavelet, levels)
-    image = np.zeros_like(functions)
-    for offset in np.flatnonzero(stiffness_row):  # zeros stay exactly 0, unlike by FFT
-        image += stiffness_row[offset] * np.roll(functions, offset, axis=0)
-    first_rows = wavelet_transform(image, wavelet, levels).T
+    first_rows = _first_rows_of_scales(wavelet, n, levels, elastic)
     rows, columns, values = [], [], []
     for number, scale in enumerate(slices):
-        count = scale.stop - scale.start
-        steps = np.arange(count, dtype=np.int32)
         for finer in slices[number:]:
-            size = finer.stop - finer.start
             part = first_rows[number, finer]
             if finer is scale:
                 part = (part + np.roll(part[::-1], 1)) / 2  # symmetric to the last digit
-            nonzero = np.flatnonzero(part).astype(np.int32)
-            # From one row of a scale to the next, the entries move on, round the curve.
-            row = np.repeat(steps + scale.start, len(nonzero))
-            column = ((nonzero + (size // count) * steps[:, None]) % size + finer.start).ravel()
+            row, column, value = _block_entries(part, scale, finer)
             # Blocks below the diagonal are transposes.
             pairs = [(row, column)] if finer is scale else [(row, column), (column, row)]
             for down, across in pairs:
                 rows.append(down)
                 columns.append(across)
-                values.append(np.tile(part[nonzero], count))
+                values.append(value)
     entries = np.concatenate(rows), np.concatenate(columns)
     return csr_array((np.concatenate(values), entries), shape=(n, n))
+
+
+def _first_rows_of_scales(wavelet: str, n: int, levels: int, elastic: float) -> Floats:
+    """Return the first row of each scale in the stiffness matrix in the wavelet basis: (scales, n).
+
+    It is found without the matrix: K, in the basis of φ a circulant, is applied to the first
+    function of the scale. wavelet, n, levels, elastic: as for `stiffness_matrix`.
+    """
+    slices = scale_slices(n, levels)
+    units = np.zeros((n, len(slices)))
+    units[[scale.start for scale in slices], range(len(slices))] = 1
+    functions = inverse_transform(units, wavelet, levels)
+    stiffness_row = first_stiffness_row(wavelet, n, elastic)
+    image = np.zeros_like(functions)
+    for offset in np.flatnonzero(stiffness_row):  # zeros stay exactly 0, unlike by FFT
+        image += stiffness_row[offset] * np.roll(functions, offset, axis=0)
+    return wavelet_transform(image, wavelet, levels).T
+
+
+def _block_entries(first_row: Floats, scale: slice, finer: slice) -> tuple[Ints, Ints, Floats]:
+    """Return rows, columns and values (k,) of the nonzero entries in a block of K.
+
+    first_row: of the block, whose rows are those of a scale and whose columns those of the same or
+    a finer one. A step at one scale is 2, 4, … steps at finer scales: from row to row the entries
+    move on so far, round the curve.
+    """
+    count, size = scale.stop - scale.start, finer.stop - finer.start
+    steps = np.arange(count, dtype=np.int32)
+    nonzero = np.flatnonzero(first_row).astype(np.int32)
+    row = np.repeat(steps + scale.start, len(nonzero))
+    column = ((nonzero + (size // count) * steps[:, None]) % size + finer.start).ravel()
+    return row, column, np.tile(first_row[nonzero], count)
 
 
 def off_diagonal_share(matrix: csr_array) -> float:

@@ -182,9 +182,9 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
         for x in range(width):
             if number[y, x] >= 0:
                 xs[number[y, x]], ys[number[y, x]] = x, y
+    # One pixel of the piece with the most pixels. It is no pixel yet: a number that is none; as a
+    # literal, −1 would have another type, and `_measure_paths_from` would be compiled for it, too.
     visited = np.zeros(count, np.bool_)
-    # The piece with the most pixels, by one of them.
-    # No piece yet; a literal -1 would compile `_measure_paths_from` again.
     best_start, best_size = xs.size, 0
     for start in range(count):
         if not visited[start]:

@@ -293,16 +293,18 @@ class ExternalTrackLinker:
         before which the film is cut, and runs end.
         """
         waiting: dict[int, list[TrackedFish]] = {}  # by animal, runs that are still too short
-        running: dict[int, int] = {}  # animal → its track
+        running: dict[int, int] = {}  # animal → its track, of runs that are long enough
         runs: Counter[int] = Counter()  # long runs so far, by animal
         for number, (verdicts, spots, fish) in enumerate(detections):
             rows = self._given.rows_of_frame(number)
             animals = self._given.individual[rows].tolist()
             matches = match_silhouettes(self._given.points[rows], spots, self._length)
             seen: dict[int, TrackedFish] = {}  # by animal; the track is set below
-            for animal, (outcome, j) in zip(animals, matches, strict=True):
+            for animal, (outcome, silhouette) in zip(animals, matches, strict=True):
                 self.outcomes[animal, outcome] += 1
-                measures = fish[j] if outcome == "used" and j is not None else None
+                if outcome != "used" or silhouette is None:
+                    continue
+                measures = fish[silhouette]
                 if measures is not None:
                     seen[animal] = TrackedFish(0, number, measures)
             if number in cuts:
@@ -312,6 +314,7 @@ class ExternalTrackLinker:
             for animal, tracked in seen.items():
                 waiting.setdefault(animal, []).append(tracked)
                 if animal not in running and len(waiting[animal]) >= self._least:
+                    # A number that no other run of this or another animal has.
                     running[animal] = animal + runs[animal] * len(self._given.names)
                     runs[animal] += 1
                 if animal in running:

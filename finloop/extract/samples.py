@@ -147,7 +147,8 @@ def _measure_with_background(
 ) -> _BackgroundTrial:
     """Return the scene, a typical fish and how much fish vary in area, against a given background.
 
-    The last is infinite if fewer than every second frame shows a fish.
+    The last is infinite if fewer than every second frame shows a fish. Setting `thin` "auto": thin
+    parts belong to fish if this makes their lengths clearly more alike.
     sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside; background: (h, w[, 3]).
     FinloopError if no silhouette can be an isolated fish.
     """
@@ -173,6 +174,7 @@ def _measure_with_background(
         return silhouettes, typical._replace(thin=thin), length_spread
 
     silhouettes, typical, length_spread = search_sample(settings.thin == "keep")
+    # Where lengths differ, silhouettes may end at different places of a pale, thin tail.
     if settings.thin == "auto" and not typical.limbs and length_spread > _UNSTEADY:
         with_thin = search_sample(thin=True)
         if with_thin[-1] < _BETTER * length_spread:

@@ -124,6 +124,7 @@ def _held_out_errors(
             continue
         point_count, letter = len(model.end), "AB"[number]
         gammas = descriptor.spread_gammas(scale_gammas[name][letter], point_count)
+        # A clock of any shape, fitted to the film: no γ can do better.
         start_share = _fit_free_clock(model, tau)[:, None, None]
         predictions = {
             "linear": model.predict(tau, np.zeros(1)),

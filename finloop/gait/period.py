@@ -77,7 +77,7 @@ def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = N
     modes = _principal_modes(fill_gaps(np.where(complete_rows[:, None], signal, np.nan)))
     if not modes.size:
         return _no_period(frames, "nothing moves")
-    # The frequency of every frame, from a grid with steps of a constant ratio; its phase.
+    # The frequency of every frame, from a grid with steps of a constant ratio, and its phase.
     slowest_hz, fastest_hz = frame_rate_hz / frames, _FASTEST * frame_rate_hz
     count = max(3, int(np.ceil(np.log(fastest_hz / slowest_hz) / np.log(_STEP))))
     grid = np.geomspace(slowest_hz, fastest_hz, count) / frame_rate_hz  # cycles a frame
@@ -90,8 +90,8 @@ def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = N
     )
     if not period.cycles:
         return replace(period, why=_explain_missing_period(modes, explained_share, period.why))
-    # Where phase 0 is.
     if extreme is None:
+        # A principal mode may have either sign; this one is the same for every film of a motion.
         complete = signal[complete_rows]
         mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
         extreme = modes[:, 0] * np.sign(mode[np.abs(mode).argmax()])

@@ -65,6 +65,8 @@ def animate_drawing(
 ) -> Transfer:
     """Return a drawing's gait cycle between its key poses 1 and 2, with its feet on the ground.
 
+    The result also says how far feet slide before and after they are put on the ground, which
+    contours leave the picture, and which feet are drawn too high (`Transfer`).
     key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
     is fitted into the picture of the first. frames: of the cycle, at least 4. points: of every
     contour, a power of two if γ is per scale or there is a `control`: the number of control points
@@ -76,8 +78,7 @@ def animate_drawing(
     key2 = fit_drawing(key2, key1.width, key1.height)
     closed = {name: curve.closed for name, curve in key1.curves.items()}
     keys = match_key_poses(key1, key2, gait.symmetry, points)
-    # Where the second half of the cycle is placed, and the contours of the cycle.
-    swap = gait.symmetry == "swap"
+    swap = gait.symmetry == "swap"  # an animal from the side, which may have feet
     if swap:
         layout = HalfCycleLayout(offsets=_standing_offsets(keys[0], gait))
     else:
@@ -86,7 +87,6 @@ def animate_drawing(
     layers = contours_of_cycle(
         *keys, add_pooled_gamma(gait), frames, layout, closed=closed, control=control
     )
-    # Feet on the ground; then what may look wrong.
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}
     tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)  # from 0 at key 1 to 1 at 1', and back

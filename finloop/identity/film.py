@@ -145,7 +145,11 @@ def measure_trial_gaps(
 
 
 def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]) -> TrackJoins:
-    """Return which track continues which, by motion and appearance; track_rows: of each track."""
+    """Return which track continues which, by motion and appearance.
+
+    track_rows: the rows of each track, in their order. Tracks are joined to chains, chains to
+    longer ones; a pair is likely if its ends fit in motion, and its animals look alike.
+    """
     reel, p = evidence.reel, evidence.settings
     features = reel.features
     frame = features["frame"].to_numpy()

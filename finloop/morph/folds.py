@@ -301,11 +301,12 @@ def stays_simple_unchecked(stack: Floats, closed: bool) -> bool:
     """Return whether a polygon that moves straight from pose to pose (k, n, 2) never meets itself.
 
     The first pose must be simple; neither this nor the shape is checked. False may mean that two
-    parts come too near each other to decide.
+    parts come too near each other to decide. A vertex and an edge can only meet where the boxes of
+    their paths between two poses overlap; boxes of BLOCK of them rule out most pairs.
     """
     poses, n = len(stack), stack.shape[1]
     edges = n if closed else n - 1
-    vertex_boxes = np.empty((n, 4))  # of the vertices' ways between two poses
+    vertex_boxes = np.empty((n, 4))  # low x, y, high x, y of each vertex's path between two poses
     for k in range(poses - 1):
         before, after = stack[k], stack[k + 1]
         for i in range(n):

@@ -160,6 +160,7 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
                     break
                 offset -= _STRIDE
             offset = max(offset, 0.0) + _STRIDE + _RIM
+            # What is drawn up to `limit` has an unsqueezed offset below 2 `limit`.
             rays[i, side] = unsqueeze_offset(offset, limit) if offset < limit else 2 * limit
     # A step reaches as far as its two sections and the ones next to them.
     reach = np.empty((m - 1, 2))

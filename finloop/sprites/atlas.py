@@ -57,18 +57,7 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
     each orientation. A sequence in one orientation stays on one page. FinloopError if a page cannot
     hold it.
     """
-    # The slots of each sequence in each orientation; their places on a page follow below.
-    sizes = index.set_index(_KEY)[["width_px", "height_px"]]
-    groups = []
-    for sequence, rows in sprites.groupby("sequence", sort=False):
-        for orientation in range(1, count_orientations(sprites) + 1):
-            group = f"{sequence}/{orientation:02d}"
-            slots = []
-            for sprite, step in zip(rows["sprite"], rows["step"], strict=True):
-                width, height = map(int, sizes.loc[(sprite, orientation)])
-                name = f"{group}/{step:02d}"
-                slots.append(AtlasSlot(sprite, orientation, name, group, 0, 0, width, height))
-            groups.append(slots)
+    groups = _list_slots(sprites, index)
 
     def overflows_page(count: int) -> bool:
         """Return whether the first `count` groups that are left do not fit on one page."""
@@ -95,6 +84,25 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
         atlas.append(page)
         groups = groups[fit:]
     return atlas
+
+
+def _list_slots(sprites: pd.DataFrame, index: pd.DataFrame) -> list[list[AtlasSlot]]:
+    """Return the slots of each sequence in each orientation, whose x and y are still to be set.
+
+    sprites, index: as for `lay_out_pages`.
+    """
+    sizes = index.set_index(_KEY)[["width_px", "height_px"]]
+    groups = []
+    for sequence, rows in sprites.groupby("sequence", sort=False):
+        for orientation in range(1, count_orientations(sprites) + 1):
+            group = f"{sequence}/{orientation:02d}"
+            slots = []
+            for sprite, step in zip(rows["sprite"], rows["step"], strict=True):
+                width, height = map(int, sizes.loc[(sprite, orientation)])
+                name = f"{group}/{step:02d}"
+                slots.append(AtlasSlot(sprite, orientation, name, group, 0, 0, width, height))
+            groups.append(slots)
+    return groups
 
 
 def _pack_page(slots: list[AtlasSlot], most_width: int, most_height: int) -> AtlasPage | None:

@@ -430,6 +430,7 @@ def _measure_turn(
     if earlier >= 0 and abs(bend[earlier]) < settings.bent * bend[peak_row]:
         first = earlier
     inside = slice(first, last + 1)
+    # Not whole: it begins or ends strongly bent, or no frame follows to compare with.
     strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak_row]) + first
     if first == strong[0] or last == strong[-1] or last + 1 >= len(bend):
         return None
@@ -602,16 +603,10 @@ def best_runs_of_tracks(
     """
     if candidates.empty:
         return []
-    # The candidates with the fewest faults, without their pictures, a few of each track.
     faults = [name for name in candidates if name not in ("start", "length")]
-    cost = candidates[faults].sum(axis=1)
     track_ids = table["track_id"].to_numpy()[candidates["start"]]
-    order = cost.sort_values(kind="stable").index
-    rank = cost[order].groupby(pd.Series(track_ids, candidates.index)[order]).cumcount()
-    compared = order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]
-    # The best of each track, with the faults of their pictures.
     best: dict[int, FrameRun] = {}
-    for label in compared:
+    for label in _choose_promising(candidates[faults].sum(axis=1), track_ids, settings):
         start, n = int(candidates.at[label, "start"]), int(candidates.at[label, "length"])
         rows = np.arange(start, start + n + 1)
         heading = cycle_headings(table, start, n) if is_cycle else table["heading"].to_numpy()[rows]
@@ -630,6 +625,20 @@ def best_runs_of_tracks(
         if track not in best or run.cost < best[track].cost:
             best[track] = run
     return sorted(best.values(), key=lambda run: run.cost)
+
+
+def _choose_promising(
+    cost: pd.Series, track_ids: NDArray[np.integer], settings: SpritesSettings
+) -> pd.Index:
+    """Return the labels of the candidates that are worth drawing, the cheapest first.
+
+    They are a few of each track, and not too many in all. cost: sum of each candidate's faults
+    without its pictures, by label; track_ids: of the same candidates.
+    """
+    order = cost.sort_values(kind="stable").index
+    rank_in_track = cost[order].groupby(pd.Series(track_ids, cost.index)[order]).cumcount()
+    few_of_each = order[(rank_in_track < settings.candidates_per_track).to_numpy()]
+    return few_of_each[: settings.candidates]
 
 
 def measure_loop_closure(pictures: Reals) -> float:

@@ -246,8 +246,8 @@ class Swimmer:
     def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
         """Begin another kind of motion if the present one ends, or if a wall or a fish is near.
 
-        others: the other fish; dt: seconds since the last call. Shares and times are chosen so that
-        it looks like a calm carp.
+        others: the other fish; dt: seconds since the last call. Distances [body lengths], shares
+        and times are chosen so that it looks like a calm carp.
         """
         self.remaining_s -= dt
         self.rest_s -= dt
@@ -257,35 +257,44 @@ class Swimmer:
                 self.rest_s = 0.35
                 self._begin_straight("burst" if self.rng.random() < 0.25 else "cruise")
             return
-        # Away from a wall or a fish that is near.
-        ahead = _distance_to_edge(self.x, self.y, self.axis, self.room)
-        has_room = all(_spare_gap(self, other, REACH) > 0 for other in others)  # for a turn
+        wall_distance = _distance_to_edge(self.x, self.y, self.axis, self.room)
+        # A turn needs a circle of REACH: within it the fish touches no other, however it bends.
+        may_turn = self.rest_s <= 0 and all(_spare_gap(self, other, REACH) > 0 for other in others)
         if self.rest_s <= 0:
-            threat = min((_closest_approach(self, other, 0.0) for other in others), default=9.0)
-            if ahead < 0.35 + 0.55 * self.speed or threat < 0.95:
-                angle = self._pick_turn(others, sharp=True) if has_room else None
+            fish_distance = min(
+                (_closest_approach(self, other, 0.0) for other in others), default=9.0
+            )
+            if wall_distance < 0.35 + 0.55 * self.speed or fish_distance < 0.95:
+                angle = self._pick_turn(others, sharp=True) if may_turn else None
                 if angle is not None:
                     self._begin_turn(angle)
                     return
                 if self.speed < 0.35:
                     self.back_s = 0.5  # s in which it swims backwards
-        # Another kind of motion, at random.
         if self.remaining_s <= 0:
-            chance = float(self.rng.random())
-            if self.mode != "glide" and chance < 0.35:
-                self._begin_straight("glide")
-            elif chance < 0.80:
-                angle = (
-                    self._pick_turn(others, sharp=False) if has_room and self.rest_s <= 0 else None
-                )
-                if angle is None:
-                    self._begin_straight("cruise")
-                else:
-                    self._begin_turn(angle)
-            elif chance < 0.92 and ahead > 2.5:
-                self._begin_straight("burst")
-            else:
+            self._begin_at_random(others, may_turn, wall_distance)
+
+    def _begin_at_random(
+        self, others: Sequence["Swimmer"], may_turn: bool, wall_distance: float
+    ) -> None:
+        """Begin a random kind of motion.
+
+        others: the other fish; may_turn: whether a turn may begin; wall_distance: straight on, body
+        lengths.
+        """
+        chance = float(self.rng.random())
+        if self.mode != "glide" and chance < 0.35:
+            self._begin_straight("glide")
+        elif chance < 0.80:
+            angle = self._pick_turn(others, sharp=False) if may_turn else None
+            if angle is None:
                 self._begin_straight("cruise")
+            else:
+                self._begin_turn(angle)
+        elif chance < 0.92 and wall_distance > 2.5:
+            self._begin_straight("burst")
+        else:
+            self._begin_straight("cruise")
 
     def _random_fin_time(self) -> float:
         """Return a random time, s, until the pectoral fins open or close; inf if they never do.
