@@ -246,7 +246,7 @@ def test_jumps_are_the_same_bytes_from_other_workers(pose_run, where, monkeypatc
     """By blocks of 50 rows, so that there are several; each worker opens the film anew."""
     monkeypatch.chdir(pose_run)
     for place in (signature, visible, jumps_film):
-        monkeypatch.setattr(place, "_LOT", 50)
+        monkeypatch.setattr(place, "_BATCH", 50)
     crew = Posted()
     if where == "dask":
         cluster = request.getfixturevalue("cluster")

@@ -96,7 +96,7 @@ def test_the_ends_of_a_step_are_a_fifth_of_delta_apart(delta, frames):
 @pytest.mark.parametrize("pose", [FILM, BODY])
 @pytest.mark.parametrize("lot", [1, 2, 100])
 def test_a_step_is_eq_5_to_the_next_frame(monkeypatch, pose, lot):
-    monkeypatch.setattr("finloop.distance.reel._LOT", lot)
+    monkeypatch.setattr("finloop.distance.reel._BATCH", lot)
     one = reel()
     shown = one.draw_rows(np.arange(5), SIZE, pose)
     wanted = np.append(all_distances(shown, shown).diagonal(1), np.nan)

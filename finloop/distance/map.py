@@ -107,10 +107,10 @@ def subtract_mean_picture(pictures: Picture) -> Picture:
 def _distances_of_pairs(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
     """Return the picture distances (k,) (Eq. 5) of rows a, b (k,) of the pictures x (n, m)."""
     distances = np.empty(len(a), np.float32)
-    lot_size = max(1, _CHUNK // x.shape[1])
-    for start in range(0, len(a), lot_size):
-        lot = slice(start, start + lot_size)
-        distances[lot] = np.linalg.norm(x[a[lot]] - x[b[lot]], axis=1)
+    batch_size = max(1, _CHUNK // x.shape[1])
+    for start in range(0, len(a), batch_size):
+        batch = slice(start, start + batch_size)
+        distances[batch] = np.linalg.norm(x[a[batch]] - x[b[batch]], axis=1)
     return distances
 
 

@@ -27,7 +27,7 @@ Pictures = NDArray[np.float32]
 Rows = NDArray[np.intp]
 
 _KEY = ["track_id", "frame"]
-_LOT = 500  # pictures at a time
+_BATCH = 500  # pictures at a time
 
 
 def sprite_store_row(sprite: int, orientation: int, orientations: int) -> int:
@@ -174,9 +174,9 @@ class Reel:
         one is not the next frame of the same track.
         """
         step = np.full(len(rows), np.nan)
-        for start in range(0, len(rows) - 1, _LOT):
-            lot = self.draw_rows(rows[start : start + _LOT + 1], size_px, pose)
-            step[start : start + len(lot) - 1] = successive_distances(lot)
+        for start in range(0, len(rows) - 1, _BATCH):
+            batch = self.draw_rows(rows[start : start + _BATCH + 1], size_px, pose)
+            step[start : start + len(batch) - 1] = successive_distances(batch)
         step[:-1][(np.diff(rows) != 1) | ~self.has_next_frame[rows[:-1]]] = np.nan
         return step
 

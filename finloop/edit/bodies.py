@@ -21,7 +21,7 @@ from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
 
 Rows = NDArray[np.intp]
-_LOT = 10_000  # rows whose movement is measured at a time, to save memory
+_BATCH = 10_000  # rows whose movement is measured at a time, to save memory
 
 
 class Body(NamedTuple):
@@ -54,19 +54,19 @@ def measure_movement(pose: Pose) -> Movement:
         """Return how far the backbone moves from each of k rows to the row after it, (2, k).
 
         First by turning and bending together, then by bending alone, as in `Movement`. Root mean
-        square over the backbone's points, body lengths. The k rows: up to _LOT from `first`.
+        square over the backbone's points, body lengths. The k rows: up to _BATCH from `first`.
         """
-        lot = pose[first : first + _LOT + 1]
+        batch = pose[first : first + _BATCH + 1]
         # The backbones about their centres, headed right, a body length long; y points down.
-        lines = lot.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
-        turn = np.diff(lot.heading_rad)[:, None]
+        lines = batch.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
+        turn = np.diff(batch.heading_rad)[:, None]
         cos, sin, x, y = np.cos(turn), np.sin(turn), lines[1:, :, 0], lines[1:, :, 1]
         turned = np.stack([x * cos + y * sin, y * cos - x * sin], -1)
         return np.sqrt(((np.stack([turned, lines[1:]]) - lines[:-1]) ** 2).sum(-1).mean(-1))
 
     with ThreadPoolExecutor(numba.get_num_threads()) as pool:
-        lots = list(pool.map(measure_movement_from, range(0, len(pose) - 1, _LOT)))
-    return Movement(*np.concatenate([np.empty((2, 0)), *lots], axis=1))
+        batches = list(pool.map(measure_movement_from, range(0, len(pose) - 1, _BATCH)))
+    return Movement(*np.concatenate([np.empty((2, 0)), *batches], axis=1))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.model import Forecast, KernelWeights, Weights, predict_next_mean
 from finloop.forecast.settings import ForecastSettings
 
-_LOT = 50_000  # rows at a time, to save memory
+_BATCH = 50_000  # rows at a time, to save memory
 _EDGES = 1_000_000  # pairs of similar rows, sampled to measure how much controls differ
 
 
@@ -80,8 +80,8 @@ def build_sampler(
     rows, (start, to) = film.rows, graph
     if mean is None:
         mean = np.zeros_like(film.states)
-        for lot in np.split(rows, range(_LOT, len(rows), _LOT)):
-            mean[lot] = model.predict_means(film.past(lot), film.control[lot])
+        for batch in np.split(rows, range(_BATCH, len(rows), _BATCH)):
+            mean[batch] = model.predict_means(film.past(batch), film.control[batch])
     edges = np.arange(0, len(to), 1 + len(to) // _EDGES)  # a sample of the similar pairs
     source = np.searchsorted(start, edges, "right") - 1
     differences = film.control[source] - film.control[to[edges]]

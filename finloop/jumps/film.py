@@ -28,7 +28,7 @@ from finloop.jumps.signature import (
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 
-_LOT = 2000  # rows whose jumps are sought at a time
+_BATCH = 2000  # rows whose jumps are sought at a time
 _TURN = 2000  # successive rows whose jumps lead to the same part of a long film
 _STRETCH = 8  # times `least`: rows of a stretch of film, which are all in one part of it
 _SPARE = 8  # times `count`: nearest rows among which `count` passages are sought first
@@ -219,7 +219,7 @@ def find_film_jumps(
     least = max(1, round(settings.min_jump_deltas * delta))
     search = JumpSearch.from_values(signatures, track, settings.candidates, least, mirror)
     visible, tables = VisibleDistance.from_source(source, workers), []
-    rows = split_into_blocks(len(track), _LOT)
+    rows = split_into_blocks(len(track), _BATCH)
     find_jumps = partial(
         _find_best_jumps, source, search, visible.natural, settings.jumps_per_frame,
         min(settings.nearest, settings.jumps_per_frame),

@@ -25,7 +25,7 @@ from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, draw_in_pose
 
 _WIDTH = 1.25  # of a picture, in lengths of a straight fish: some margin at both ends
-_LOT = 1000  # pictures at a time, to save memory
+_BATCH = 1000  # pictures at a time, to save memory
 _SAMPLE = 600  # most pictures to which the principal components are fitted, to save time
 _ROWS = 300  # most pictures that are compared with their mirror images, to save time
 
@@ -126,12 +126,12 @@ def _appearance_components(
     mean = both.mean(0)
     most_components = min(most_components, min(both.shape) - 1)
     axes = svds((both - mean).astype(float), most_components, random_state=0)[2][::-1].T
-    lots = ordered_map(
+    batches = ordered_map(
         partial(_project_on_axes, draw_rows_straight, mean, axes),
-        split_into_blocks(rows, _LOT),
+        split_into_blocks(rows, _BATCH),
         workers,
     )
-    return np.concatenate(list(lots), axis=1).astype(float)
+    return np.concatenate(list(batches), axis=1).astype(float)
 
 
 def _project_on_axes(

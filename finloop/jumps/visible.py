@@ -15,7 +15,7 @@ from finloop.jumps.signature import Pictures, RowSource, split_into_blocks
 from finloop.puppet import draw_in_pose
 from finloop.puppet.lay import CandidatePairs, PictureSet, distances_in_pose, nearest_in_pose
 
-_LOT = 1000  # pictures at a time
+_BATCH = 1000  # pictures at a time
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ class VisibleDistance:
         Its unit is measured in these pictures.
         """
         reel, poses = source.load_film()
-        pictures, rows = source.picture_array(), split_into_blocks(len(reel), _LOT)
+        pictures, rows = source.picture_array(), split_into_blocks(len(reel), _BATCH)
         drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, workers)
         for block, drawn_block in zip(rows, drawn, strict=True):
             pictures[block] = drawn_block
         source.share_pictures()
         ends = np.stack(reel.step_ends)
         step = [
-            paired_distances(*pictures[lot].astype(np.float32) / 255)
-            for lot in np.array_split(ends, 1 + ends.shape[1] // _LOT, axis=1)
+            paired_distances(*pictures[batch].astype(np.float32) / 255)
+            for batch in np.array_split(ends, 1 + ends.shape[1] // _BATCH, axis=1)
         ]
         natural = float(np.median(np.concatenate(step)))
         return cls(pictures, poses.pose.posture, max(natural, 1e-12))

@@ -183,7 +183,7 @@ def make_candidates(rows: Ints, rots: Floats, seams: Floats) -> Candidates:
 
 @kernel
 def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candidates:
-    """Return the candidates instead of a row: itself if it can play on for ever, and its jumps.
+    """Return what can be shown in place of a row: itself if it plays on for ever, and its jumps.
 
     row: the film's next row; rotation_deg: by which it would be turned. The terms of their costs
     are 0.

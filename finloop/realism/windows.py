@@ -162,7 +162,7 @@ def cut_windows(
         track_start += len(track)
     # Their blocks and clusters.
     first_rows = np.concatenate(first)
-    rows = first_rows[:, None] + np.arange(cut.length + 1)  # (windows, ticks)
+    rows = first_rows[:, None] + np.arange(cut.length + 1)  # (windows, ticks): n steps, n + 1 ticks
     blocks = np.arange(ticks.near.shape[1])
     ticks_in_block = (ticks.block[rows][..., None] == blocks).sum(axis=1)  # (windows, blocks)
     return Windows(

@@ -231,6 +231,7 @@ class Session:
             self.counts.dropped += int(facts.dropped)
             self.counts.late += int(follows and facts.drawn_s > facts.intended_s + period_s)
             self._last_frame, self._last_intended_s = int(number), facts.intended_s
+            # The page knew the reaction, and drew a time at which it shows, after the tick before.
             for seq, reaction in list(self._undrawn_reactions.items()):
                 if seq <= facts.seq and facts.intended_s > reaction.tick_before_s:
                     self.counts.drawn_ms.append(1e3 * (facts.drawn_s - reaction.arrived_s))
