@@ -121,7 +121,7 @@ def _link_from_cache(cache: Path, digest: str, target: Path) -> None:
 def draw_preview(root: Path, mode: str) -> Preview:
     """Return the route of an animation as WebP, and its first seconds as MP4.
 
-    root: folder with data/ of a run. mode: of the animation.
+    root: folder with data/ of a run, in which preview.mp4 is left. mode: of the animation.
     """
     with Project(root) as project:
         drawn = project.edit_with_sources(mode, "render")

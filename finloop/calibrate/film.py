@@ -117,7 +117,7 @@ def build_film_group(
         horizon_frames = measure_horizon_frames(heading_by_row, track, delta)
     else:
         horizon_frames = max(1, round(horizon * delta))
-    later, earlier = _link_rows(frame, track, horizon_frames)
+    later, earlier = _link_rows(frame, track, horizon_frames)  # rows of the same fish, −1: none
     if horizon != "auto" and not ((later >= 0) & (earlier >= 0)).any():
         longest = _longest_track_rows(track)
         raise FinloopError(

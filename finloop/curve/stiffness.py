@@ -69,13 +69,14 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
             "a wavelet with φ in H¹",
             "use a smoother wavelet: db3 or longer, coif1, sym4, …",
         )
+    # Eq. 3.11: μ = 4 T μ, for l ≥ 0 alone, as μ_l = μ_{−l}.
     count = taps - 1  # μ_l is 0 beyond the support
     transfer = _refinement_matrix(alpha, count)
     folded = transfer[count - 1 :, count - 1 :].copy()
-    folded[:, 1:] += transfer[count - 1 :, count - 2 :: -1]  # μ_l = μ_{−l}
+    folded[:, 1:] += transfer[count - 1 :, count - 2 :: -1]
     mu = np.linalg.svd(4 * folded - np.eye(count))[2][-1]
     mu *= -2 / (2 * (np.arange(count) ** 2 @ mu))
-    nu = -mu
+    nu = -mu  # Eq. 3.14: ν_l = 8 μ_{2l} − μ_l
     coarse_mu = mu[::2]
     nu[: len(coarse_mu)] += 8 * coarse_mu
     for table in (alpha, mu, nu):

@@ -246,7 +246,8 @@ def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyp
     Both are (pixels,): a length is infinite where no path leads, a predecessor is the number of the
     pixel before on the path, −1 for none. number: (h, w), the number of each skeleton pixel, −1
     beside it. xs, ys: (pixels,) by number. weight: (h, w), multiplies the length of steps to the
-    eight neighbours. start: number of the first pixel.
+    eight neighbours. start: number of the first pixel. The method is Bellman and Ford's with a
+    queue: a pixel waits there when its path has become shorter.
     """
     height, width = number.shape
     distance = np.full(xs.size, np.inf)

@@ -223,7 +223,7 @@ def _grey_difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-
     height, width = frame.shape
     result = np.empty((height, width), np.uint8)
     change = np.empty(width + 2, np.int16)
-    rows = np.empty((3, width), np.int16)  # smoothed along x
+    rows = np.empty((3, width), np.int16)  # the last three rows, smoothed along x
     for y in range(-1, height + 1):
         source_row = min(abs(y), 2 * (height - 1) - y, height - 1)
         for x in range(width):

@@ -63,11 +63,12 @@ def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-d
 
     alpha: of the silhouette alone, whose first pixel is at `corner`, x and y, of the mask; mask,
     field: (h, w), the pale pixels, and the difference from the empty tank; levels: the fish's
-    contrast, and the threshold, grey levels.
+    contrast, and the threshold, grey levels. A fin's opacity is its difference as a share of the
+    contrast, faded to 0 from twice the threshold down to the threshold.
     """
     (left, top), (contrast, threshold) = corner, levels
     (h, w), (height, width) = alpha.shape, mask.shape
-    x, y, right, bottom = left, top, left + w, top + h
+    x, y, right, bottom = left, top, left + w, top + h  # the box of silhouette and fins
     for v in range(height):
         for u in range(width):
             if mask[v, u]:

@@ -215,6 +215,7 @@ def _silhouette_inside_edge(
 ) -> Silhouette:
     """Return the silhouette that a closed edge encloses, with its holes filled.
 
+    It is at the border if it is near the edge of the picture or a pixel outside the arena.
     edge: px of the patch; patch: part of the difference image; corner: x, y of the patch in the
     picture; contrast: of the patch, grey levels; arena: of the whole picture, uint8, 255 inside.
     """
@@ -248,20 +249,20 @@ def _assign_pale_pixels(
     inside = np.zeros(patch.shape, np.uint8)
     cv2.drawContours(inside, [patch_edge], -1, 1, cv2.FILLED, offset=(-left, -top))
     pale = pale & inside.view(bool)
-    if len(parts) > 1:
+    if len(parts) > 1:  # each pixel gets the number of its nearest silhouette
         outside = np.ones(patch.shape, np.uint8)
         cv2.drawContours(outside, [edge for _, edge in parts], -1, 0, cv2.FILLED)
         nearest = cv2.distanceTransformWithLabels(
             outside, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_CCOMP
         )[1]
     for part, edge in parts:
-        column, row = edge[0, 0]
+        column, row = edge[0, 0]  # a pixel of the silhouette itself
         nearest_pale = pale if len(parts) == 1 else pale & (nearest == nearest[row, column])
         x, y, (h, w) = part.x0 - left, part.y0 - top, part.mask.shape
         reach = int(_REACH * np.hypot(h, w))
         x0, y0 = max(x - reach, 0), max(y - reach, 0)
         window = np.s_[y0 : y + h + reach, x0 : x + w + reach]
-        mask = nearest_pale[window].copy()
+        mask = nearest_pale[window].copy()  # without the silhouette
         mask[y - y0 : y - y0 + h, x - x0 : x - x0 + w] &= ~part.mask
         yield replace(part, fins=PalePixels(x0 + left, y0 + top, mask, patch[window].copy()))
 

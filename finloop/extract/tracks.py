@@ -106,8 +106,9 @@ class TrackLinker:
     def _match_tracks(self, silhouettes: list[SilhouettePlace]) -> dict[int, _Track]:
         """Match running tracks with a frame's silhouettes; return the tracks by silhouette number.
 
-        Of the pairs within the limits of step and area, those with the smallest sum of distances
-        are taken. Tracks and silhouettes without a partner are left out.
+        A pair must be within the limits of step and area, and near, or clearly nearer than any
+        other pair of both; of these pairs, those with the smallest sum of distances are taken.
+        Tracks without a partner, and silhouettes that are not isolated, are left out.
         """
         if not self._tracks or not silhouettes:
             return {}

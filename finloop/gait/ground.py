@@ -167,7 +167,8 @@ def _shear_limb(name: str, contours: Points, foot_paths: list[FootPath], speed: 
         )
     standing = np.concatenate([path.frames for path in foot_paths]) % frames
     ground_y = float(np.median(low[standing]))
-    # How far the foot is to be moved, right and down; first only where it is on the ground.
+    # How far the foot is to be moved, right and down; first only where it is on the ground. It
+    # slides by what it moves more than the ground, and is moved back to its mean place on it.
     foot_shift = np.full((frames, 2), np.nan)
     for path in foot_paths:
         frame, slide = path.frames % frames, path.displacement - speed * path.frames

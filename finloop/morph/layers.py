@@ -102,8 +102,8 @@ def build_morph(
     Its `continuous` says of each contour whether it is proved that no fold lies between frames.
     a, b: the drawings; `a` gives the size of the picture, both give styles. tau, layers: share of
     the way to `b` (f,) of every frame, and its contours (f, n, 2) by id. digits: significant digits
-    of the picture's larger side, tried in turn until no frame folds. repeats: whether the first
-    frame follows the last.
+    of the picture's larger side, tried in turn until no frame folds; else the last. repeats:
+    whether the first frame follows the last.
     """
     closed = {name: curve.closed for name, curve in a.curves.items()}
     for significant in digits:

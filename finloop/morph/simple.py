@@ -385,6 +385,7 @@ def straighten_curve(points: Points) -> tuple[Points, bool]:
     """
     points = np.ascontiguousarray(points, np.float64)
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
+    # Each pose shows the share `shrink` of what the one before shows.
     poses, length_share, shrink = [points], 1.0, SHRINK
     while not _is_straight(poses[-1]):
         share = shrink * length_share  # of the curve that the next pose shows

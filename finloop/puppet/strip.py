@@ -54,11 +54,13 @@ def cross_sections(line: PlacedBackbone) -> Strip:
 
     line: the backbone of one animal in a picture.
     """
+    # A posture holds how far ahead and to the left of the mass centre the head is, and for each of
+    # n steps of the backbone its direction (radians from the heading) and length.
     n = len(line.posture) // 2 - 1
+    ahead, left = line.posture[0] * line.size_px, line.posture[1] * line.size_px
     bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]
     m = n + 1 + 2 * BEYOND
     points, normals = np.empty((m, 2)), np.empty((m, 2))
-    ahead, left = line.posture[0] * line.size_px, line.posture[1] * line.size_px
     cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
     # The head, from the mass centre; y is down.
     x, y = line.x_px + cos * ahead - sin * left, line.y_px - sin * ahead - cos * left

@@ -344,7 +344,8 @@ class Swimmer:
             self.swimming_type = int(math.copysign(1, self.angle))
         else:
             self.swimming_type = 0
-            self.turn_over = is_late  # from now on the body only straightens
+            # Late in a turn the body only straightens: what is invisible then stays so.
+            self.turn_over = is_late
 
     def _beat_tail(self, dt: float, is_late: bool) -> None:
         """Beat the tail for `dt` seconds; rate and amplitude reach their targets in about 0.5 s.
