@@ -4,17 +4,19 @@ from stages.run import THREADS, run, save_metrics  # isort: skip  (before numpy)
 
 import json
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.base.finding import FINDINGS_NAME, GOOD
+from finloop.base.finding import FINDINGS_NAME
 from finloop.base.parallel import Threads, ordered_map
 from finloop.base.settings import WORDS
 from finloop.edit.modes import MODES
 from finloop.io.atomic import save_bytes
+from finloop.io.findings import load_faults
 from finloop.io.movie import load_film_below_size
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
@@ -34,6 +36,7 @@ from stages.settings import list_overrides, load_settings, read_params
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
 EXTRACT, FEATURES = Path("data/extract"), Path("data/features")
+FAULTS = REPORTS / "film/findings"  # pictures of faults of the film
 TIMES = Path("benchmarks/table2.csv")
 TIMES_TITLE = "Table 2: computing times, as `python -m benchmarks.table2` measured them once"
 OUT, METRICS = REPORTS / "index.html", REPORTS / "report/metrics.json"
@@ -70,20 +73,19 @@ TABLES = {  # by chapter
 }
 
 
+def _load_webp(path: Path, p: ReportSettings) -> WebP:
+    """Load a picture, and encode it for the page."""
+    return encode_webp(load_picture(path), p.max_picture_width_px, p.picture_quality)
+
+
 def _load_chapters(
     p: ReportSettings,
 ) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
     """Yield each chapter that has pictures: the chapter, its pictures as WebP, its tables."""
-
-    def load_webp(figure: Figure) -> WebP:
-        """Load the picture of a figure, and encode it for the page."""
-        return encode_webp(
-            load_picture(REPORTS / figure.path), p.max_picture_width_px, p.picture_quality
-        )
-
     for chapter in CHAPTERS:
         figures = [figure for figure in chapter.figures if (REPORTS / figure.path).is_file()]
-        coded = ordered_map(load_webp, figures, Threads(THREADS))
+        paths = [REPORTS / figure.path for figure in figures]
+        coded = ordered_map(partial(_load_webp, p=p), paths, Threads(THREADS))
         pictures = list(zip(figures, coded, strict=True))
         tables = [
             table_of_data_frame(pd.read_csv(path), caption)
@@ -115,27 +117,27 @@ def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]
 
 
 def _list_doubts(features: dict[str, float]) -> pd.DataFrame:
-    """Return what is doubtful in the film and in the modes: columns about, doubt (a sentence).
+    """Return what is doubtful in the film and in the modes.
 
-    features: the numbers of the stage `features`.
+    Columns about, doubt (a sentence), and, of a fault that is seen in a frame, picture (its path)
+    and caption, else NaN. features: the numbers of the stage `features`.
     """
-    rows = list[tuple[str, str]]()
+    faults = load_faults([CLIP, EXTRACT, FEATURES])
+    if (path := FAULTS / "pictures.csv").is_file():
+        pictures = pd.read_csv(path, dtype=str, keep_default_na=False)
+        faults = faults.merge(pictures, "left", ["film", "what"])
+    faults["about"] = faults["film"].replace("", "The film")
+    faults["doubt"] = faults["measured"] + " " + faults["what to do"]
+    tables = [faults, pd.read_csv(BESIDE / "doubts.csv").rename(columns={"mode": "about"})]
     ahead = features.get("headed_along_travel_pct", 100.0)
     if ahead < _ENOUGH_AHEAD_PCT:
         text = (
             f"only {ahead:.0f} % of the moving animals go where the head points: heads may be "
             "tails (features.head)"
         )
-        rows.append(("The film", text))
-    for folder in (CLIP, EXTRACT, FEATURES):
-        if (path := folder / FINDINGS_NAME).is_file():
-            findings = pd.read_csv(path)
-            for fault in findings[findings["verdict"] != GOOD].to_dict("records"):
-                text = f"{fault['measured']} {fault['what to do']}"
-                rows.append((fault.get("film", "The film"), text))
-    film = pd.DataFrame(rows, columns=["about", "doubt"])
-    modes = pd.read_csv(BESIDE / "doubts.csv").rename(columns={"mode": "about"})
-    return pd.concat([film, modes], ignore_index=True)
+        tables.insert(0, pd.DataFrame({"about": ["The film"], "doubt": [text]}))
+    doubts = pd.concat(tables, ignore_index=True)
+    return doubts.reindex(columns=["about", "doubt", "picture", "caption"])
 
 
 def _describe_animation(mode: str, marks: bool) -> str:
@@ -195,6 +197,7 @@ def main() -> None:
     film, poster = load_film_below_size(film_path, round(p.max_film_mb * 1e6))
     numbers = {word: load_numbers(REPORTS / word) for word in values if word != "report"}
     chapters, changes = list(_load_chapters(p)), list_overrides(values)
+    doubts = _list_doubts(numbers["features"])
     page = _comparison_film(p) | {
         "title": "A fish, filmed once and steered for ever",
         "facts": _describe_film(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
@@ -202,7 +205,11 @@ def main() -> None:
         "poster": encode_webp(poster, p.max_picture_width_px, p.picture_quality),
         "film_text": _describe_animation(mode, film_path == marked_film),
         "headline": mode_headline_numbers(numbers["animate"] | numbers["realism"], mode),
-        "doubts": table_of_data_frame(_list_doubts(numbers["features"]), "What is doubtful"),
+        "doubts": table_of_data_frame(doubts[["about", "doubt"]], "What is doubtful"),
+        "faults": {  # by row of the doubts
+            row: {"picture": _load_webp(FAULTS / fault["picture"], p), "caption": fault["caption"]}
+            for row, fault in doubts.dropna().iterrows()
+        },
         "measures": measures_table(pd.read_csv(BESIDE / "measures.csv")),
         "sections": chapters,
         "table_2": table_of_data_frame(pd.read_csv(TIMES), TIMES_TITLE, 3),

@@ -263,6 +263,7 @@ def test_a_changed_picture_computes_nothing_anew_and_is_drawn_by_one_stage():
     for stage in PLOTS:
         (folder,) = outputs(stage)
         words = {module.rpartition(".")[2] for module in DRAWN[stage]}
+        words -= {"findings"}  # they stand beside their sentences
         shown = [Path(one.path).parts for chapter in CHAPTERS for one in chapter.figures]
         drawn = {parts[1] for parts in shown if parts[0] == Path(folder).name}
         assert drawn == words

@@ -204,6 +204,23 @@ def test_faults_of_the_film_are_doubtful_and_its_virtues_are_not(folder: Path):
     assert "is well" not in head and "extract is well" in page
 
 
+def test_a_fault_that_is_seen_in_a_frame_has_its_picture_beside_it(folder: Path):
+    Path("data/clip/findings.csv").write_text(
+        "film,what,verdict,measured,what to do\n"
+        "1,a,better otherwise,It is bad.,Mend it.\n2,a,better otherwise,It is late.,Hurry.\n"
+    )
+    home = Path("reports/film/findings")
+    save_picture(home / "1_a.png", np.zeros((6, 8, 3), np.uint8))
+    (home / "pictures.csv").write_text("film,what,picture,caption\n1,a,1_a.png,Frame 7: a fault.\n")
+    stages.report.main()
+    page = Path("reports/index.html").read_text()
+    head, rest = page.split('id="animation"', 1)
+    bad, late = (row for row in head.split("<tr>") if "It is" in row)
+    assert "It is bad. Mend it." in bad and "data:image/webp" in bad
+    assert "<figcaption>Frame 7: a fault.</figcaption>" in bad
+    assert "It is late. Hurry." in late and "<img" not in late and "Frame 7" not in rest
+
+
 def test_heads_that_travel_backwards_are_doubtful(folder: Path):
     doubt = "of the moving animals go where the head points"
     stages.report.main()

@@ -30,7 +30,7 @@ _STRIP = 64  # rows
 _TILES = 6  # tiles of the picture in both directions; the median tile gives the noise
 _THIN = 3  # every 3rd pixel in both directions for noise and contrast
 _SIGMAS, _LEAST = 6.0, 15.0  # noises and grey levels from which a pixel is not tank
-_BLACK, _WHITE = 1, 254  # grey levels; beyond them nothing was recorded
+BLACK, WHITE = 1, 254  # grey levels; beyond them nothing was recorded
 _FIELD_THIN = 4  # every 4th column tells the order of fields
 _MOTION = 12  # least change [grey levels] from frame to frame of a moved pixel
 _FEW = 50  # least number of moved pixels of a frame whose fields are judged
@@ -302,7 +302,7 @@ def _measure_moving_pixels(
     moving = (difference > max(noise_limit, _LEAST)) & ~floor
     level = frame[moving]
     contrast = float(np.median(difference[moving])) if level.size else float("nan")
-    black, white = int((level <= _BLACK).sum()), int((level >= _WHITE).sum())
+    black, white = int((level <= BLACK).sum()), int((level >= WHITE).sum())
     return _MovingPixels(level.size, contrast, black, white)
 
 

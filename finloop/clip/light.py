@@ -70,6 +70,14 @@ class LightMeasures(NamedTuple):
     drift_pct: float  # range of the slow part, darkest to brightest moment, over the mean
 
 
+def smooth_light(brightness: Floats, rate_hz: float) -> Floats:
+    """Return the slow part of the brightness (frames,): its mean over three seconds around each."""
+    half_window = min(round(_SLOW_S * rate_hz / 2), (len(brightness) - 1) // 2)
+    padded = np.pad(brightness, half_window, mode="reflect") if half_window else brightness
+    width = 2 * half_window + 1
+    return np.convolve(padded, np.full(width, 1 / width), mode="valid")
+
+
 def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
     """Measure flicker and drift from the brightness (frames,) of successive frames, in any unit.
 
@@ -81,10 +89,7 @@ def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
         return LightMeasures(np.nan, np.nan, np.nan)
     brightness = np.interp(np.arange(len(brightness)), known, brightness[known])
     mean = float(brightness.mean())
-    half_window = min(round(_SLOW_S * rate_hz / 2), (len(brightness) - 1) // 2)
-    padded = np.pad(brightness, half_window, mode="reflect") if half_window else brightness
-    width = 2 * half_window + 1
-    slow = np.convolve(padded, np.full(width, 1 / width), mode="valid")
+    slow = smooth_light(brightness, rate_hz)
     fast = brightness - slow
     second = max(2, round(rate_hz))
     parts = [fast[k : k + second] for k in range(0, len(fast), second)]

@@ -62,7 +62,7 @@ def main() -> None:
     """
     settings: ExtractSettings = load_settings("extract")
     films = [
-        _load_film(name, home)
+        load_extracted_film(name, home)
         for name, home in list_film_folders(CLIP)
         if (EXTRACT / home).is_dir()
     ]
@@ -76,7 +76,7 @@ def main() -> None:
     save_figure(REPORT / "fig3_4.png", figure3_4(fish, caption))
 
 
-def _load_film(name: str, home: Path) -> ExtractedFilm:
+def load_extracted_film(name: str, home: Path) -> ExtractedFilm:
     """Load the results of the stages `clip` and `extract` for one film.
 
     name: of the film. home: its folder, relative to those of the two stages.

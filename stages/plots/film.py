@@ -7,6 +7,7 @@ from stages.plots.draw import draw_all
 MODULES = (
     "stages.plots.extract",
     "stages.plots.features",
+    "stages.plots.findings",
     "stages.plots.clip",
     "stages.plots.identity",
     "stages.plots.calibrate",
