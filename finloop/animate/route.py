@@ -17,12 +17,12 @@ _BEHIND = 2.0  # times `Route.ahead`: how far a fish may lag behind on a path wi
 
 
 class Route(NamedTuple):
-    """Places x, y (n,) of a path, px, `step` px apart along it; kernels take it whole.
+    """Points x, y (n,) of a path, px, `step` px apart along it; kernels take it whole.
 
     heading (n,): requested, degrees, without jumps of 360, or empty; closed: whether the path
-    returns from the last place to the first; when (ticks,): px along the path due at each tick,
-    empty if the fish swims at its own speed; begins: the tick of the first of `when`; ahead: how
-    many places ahead the point nearest to a fish is sought, a tick later.
+    returns from the last point to the first; when (ticks,): px along the path due at each tick,
+    empty if the fish swims at its own speed; begins: the tick of the first of `when`; ahead: among
+    how many points ahead the place nearest to a fish is sought, a tick later.
     """
 
     x: Floats
@@ -70,11 +70,11 @@ def is_route_done(route: Route, along_px: float, tick: int) -> bool:
 
 
 @finite_leaf
-def _places_around(route: Route, along_px: float):  # type: ignore[no-untyped-def]
-    """Return the numbers of the route's places before and after `along_px`, and the share between.
+def _points_around(route: Route, along_px: float):  # type: ignore[no-untyped-def]
+    """Return the indices of the route's points before and after `along_px`, and the share between.
 
-    The share rises from 0 at the place before to 1 at the one after. At the end of a path that is
-    not closed both are its last place. A closed path goes on from lap to lap.
+    The share rises from 0 at the point before to 1 at the one after. At the end of a path that is
+    not closed both are its last point. A closed path goes on from lap to lap.
     """
     n = route.x.size
     position = max(along_px, 0.0) / route.step
@@ -91,7 +91,7 @@ def _places_around(route: Route, along_px: float):  # type: ignore[no-untyped-de
 @finite_leaf
 def point_along(route: Route, along_px: float):  # type: ignore[no-untyped-def]
     """Return the point x, y, px, that lies `along_px` along a route."""
-    before, after, share = _places_around(route, along_px)
+    before, after, share = _points_around(route, along_px)
     x = route.x[before] + share * (route.x[after] - route.x[before])
     return x, route.y[before] + share * (route.y[after] - route.y[before])
 
@@ -99,7 +99,7 @@ def point_along(route: Route, along_px: float):  # type: ignore[no-untyped-def]
 @finite_leaf
 def heading_at(route: Route, along_px: float) -> float:
     """Return the heading, degrees, requested at `along_px` along a route that has headings."""
-    before, after, share = _places_around(route, along_px)
+    before, after, share = _points_around(route, along_px)
     return route.heading[before] + share * (route.heading[after] - route.heading[before])
 
 
@@ -123,22 +123,22 @@ def nearest_search_start(route: Route, along_px: float, tick: int) -> float:
 
 @finite_leaf
 def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
-    """Return the point of a route nearest to x, y px: px along the route, and its own x, y px.
+    """Return the place on a route nearest to x, y px: px along the route, and its own x, y px.
 
     It is sought from `along_px` on, and not far ahead: the farther the given point is from the
     route, the farther ahead the nearest one may be, so that a fish that cannot follow a hairpin
     goes on beyond it.
     """
-    # First the nearest of the route's places, then the nearest point of the pieces beside it.
-    # `position` counts places from the beginning, on a closed path over all laps.
+    # First the nearest of the route's points, then the nearest place on the pieces beside it.
+    # `position` counts points from the beginning, on a closed path over all laps.
     first_position = int(max(along_px, 0.0) / route.step)
-    places_on, place = _find_nearest_place(route, x, y, along_px)
-    position, near_x, near_y = float(first_position + places_on), route.x[place], route.y[place]
+    points_on, index = _find_nearest_point(route, x, y, along_px)
+    position, near_x, near_y = float(first_position + points_on), route.x[index], route.y[index]
     least_px2 = 1e300
-    for before in range(2):  # the piece of the route after that place, and the one before it
-        if before > places_on:
+    for before in range(2):  # the piece of the route after that point, and the one before it
+        if before > points_on:
             break
-        first = place - before
+        first = index - before
         first = first + route.x.size if first < 0 else first
         last = first + 1
         if last == route.x.size:
@@ -154,7 +154,7 @@ def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  #
         on_x, on_y = route.x[first] + share * dx, route.y[first] + share * dy
         square_px2 = (on_x - x) ** 2 + (on_y - y) ** 2
         if square_px2 < least_px2:
-            position = first_position + places_on - before + share
+            position = first_position + points_on - before + share
             near_x, near_y, least_px2 = on_x, on_y, square_px2
     if position * route.step < along_px:  # a fish never goes back
         near_x, near_y = point_along(route, along_px)
@@ -163,27 +163,27 @@ def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  #
 
 
 @finite_leaf
-def _find_nearest_place(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
-    """Return the place of a route nearest to x, y px, from `along_px` on.
+def _find_nearest_point(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
+    """Return the point of a route nearest to x, y px, from the last one before `along_px` on.
 
-    Returned are how many places it lies ahead of the one at `along_px`, and its number. At least
-    `route.ahead` places are searched, more if the given point is far from the route.
+    Returned are how many points it lies ahead of that one, and its index. At least `route.ahead`
+    points are searched, more if x, y is far from the route.
     """
-    start, _, _ = _places_around(route, along_px)
-    nearest_on, nearest, least_px2, place = 0, start, 1e300, start
+    start, _, _ = _points_around(route, along_px)
+    nearest_on, nearest, least_px2, index = 0, start, 1e300, start
     on_path_px2 = route.step * route.step
     for i in range(route.x.size):
         beyond = route.step * (i - route.ahead - 1)
         if beyond > 0 and beyond * beyond > 4 * least_px2:
             break  # farther ahead than twice the distance from the route
-        square_px2 = (route.x[place] - x) ** 2 + (route.y[place] - y) ** 2
+        square_px2 = (route.x[index] - x) ** 2 + (route.y[index] - y) ** 2
         if square_px2 < least_px2:
-            nearest_on, nearest, least_px2 = i, place, square_px2
+            nearest_on, nearest, least_px2 = i, index, square_px2
         elif i > nearest_on + 1 and least_px2 < on_path_px2:
             break  # a fish on the path is not nearer to it farther ahead
-        place += 1
-        if place == route.x.size:
+        index += 1
+        if index == route.x.size:
             if not route.closed:
                 break
-            place = 0
+            index = 0
     return nearest_on, nearest

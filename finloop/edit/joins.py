@@ -269,7 +269,7 @@ def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[
     plays_on = (ahead > joins) & ~np.isin(ahead, joins)
     before_deg = wrap_deg(old.heading_deg - drawn.heading_deg[joins - 1])  # turn due at the join
     after_deg = np.where(plays_on, wrap_deg(drawn.heading_deg[ahead] - new.heading_deg), before_deg)
-    is_held = (drawn.row[ahead] == new.row) & (ahead > joins)
+    is_held = (drawn.row[ahead] == new.row) & (ahead > joins)  # its pose does not change
     codes = bodies.codes(old) - bodies.codes(new)
     code_speed = bodies.code_speed(old) - bodies.code_speed(new) * ~is_held[:, None]
     offset, velocity = np.zeros((2, ticks, codes.shape[1] + 1))

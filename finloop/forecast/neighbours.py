@@ -153,7 +153,7 @@ def _choose_alike_pairs(
 
     pairs (k, 2): of rows, sorted; film_rows: number of the film's rows, without mirror images.
     """
-    row = np.unique(pairs[:, 0], return_inverse=True)[1]
+    row = np.unique(pairs[:, 0], return_inverse=True)[1]  # numbered without gaps
     rank = np.arange(len(pairs)) - np.searchsorted(row, row)  # of a pair among those of its row
     first = np.flatnonzero(rank < p.neighbours)
     alike = np.zeros(len(pairs), bool)

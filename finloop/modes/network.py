@@ -163,19 +163,21 @@ class Network:
         the aim is far.
         """
         motion, phases, fish = self.world.motion, self.phases, approach.fish
-        # Phases that follow the fish's present state in the film, too; all if none does.
+        # Phases that follow the fish's present state in the film, too, by rising first speed; all
+        # phases if none does.
+        following = self._phases_after[fish.state]
         nearest = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
-        rows = self._phases_after[fish.state]
-        chosen = rows[self._random_near(nearest, len(rows), rng)]
-        film = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
-        first = phases.first_speed[chosen]
-        offset_left = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
+        chosen = following[self._random_near(nearest, len(following), rng)]
+        film_ticks = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
+        first_speed = phases.first_speed[chosen]
         # The fish's own speed changes into that of the phase within Δ.
-        speed = first + phases.speed_change[film] + (fish.speed - first) * offset_left
+        own_share = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
+        speed = first_speed + phases.speed_change[film_ticks]
+        speed = speed + (fish.speed - first_speed) * own_share
         speed = np.minimum(np.maximum(speed, phases.low), phases.high)
         forward = speed * (self._length_px / motion.rate_hz)
         # The drift of the phase, mirrored if it ends on the wrong side of the aim.
-        drift = phases.drift_deg[film]
+        drift = phases.drift_deg[film_ticks]
         drift_factor = 1.0
         if not approach.far:
             drift_factor = min(1.0, abs(approach.error) / max(np.abs(drift).max(), 1e-9))
@@ -185,13 +187,13 @@ class Network:
             self.world.tank.legal, approach.start, swim, approach.goal
         )
         if safe_ticks < min(2, len(trajectory)) and touch_tick >= safe_ticks:
-            return None
+            return None  # a wall is ahead, and the goal is not before it
         ticks = min(touch_tick + 1, safe_ticks)
         state = int(phases.state[chosen])
         sprite, phase, new = self._cycle_sprites(fish, state, speed[:ticks])
         return Stretch(
             state, trajectory[:ticks], sprite, new, approach.aim, touches_goal=touch_tick < ticks,
-            decision=Decision(PHASE, film_speed=float(first)), phase=phase,
+            decision=Decision(PHASE, film_speed=float(first_speed)), phase=phase,
         )  # fmt: skip
 
     def _cycle_sprites(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
@@ -250,26 +252,21 @@ class Network:
         earlier and earlier stops of the first speed; the last, on the spot, is taken even where it
         does not fit.
         """
-        motion, turns, phases = self.world.motion, self.world.motion.turns, self.phases
-        ease, count = self.p.ease, len(plan.frames)
-        film_ticks = slice(
-            turns.start[turn_number], turns.start[turn_number] + turns.ticks[turn_number]
-        )
-        # The filmed turn, stretched to the ticks of the plan.
-        film_time = np.linspace(0, turns.ticks[turn_number] - 1, count)
-        film_tick = np.arange(turns.ticks[turn_number])
-        forward = np.interp(film_time, film_tick, turns.forward[film_ticks])
-        sideways = np.interp(film_time, film_tick, turns.sideways[film_ticks])
+        motion, ease, count = self.world.motion, self.p.ease, len(plan.frames)
+        forward, sideways = self._stretch_filmed_turn(turn_number, count)
         largest_share = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
         fastest = _FASTEST_TURN * abs(approach.error) * largest_share  # degrees in a tick
         tick_numbers, speed = np.arange(1, count + 1), approach.fish.speed / motion.rate_hz
-        # Each try: ticks in which the first speed fades, and the factor of the turn's displacement.
+        # Each try: ticks in which the fish's first speed changes into that of the turn, and the
+        # factor of the turn's displacement.
         tries = [(motion.delta, factor) for factor in ease] + [(2, ease[-1]), (0, ease[-1])]
-        for stop, factor in tries:
-            fade = np.maximum(0.0, 1 - tick_numbers / stop) if stop else np.zeros(count)
-            ahead = factor * forward + (speed - factor * forward[0]) * fade
-            forward_bl = np.minimum(np.maximum(ahead, 0.0), phases.high / motion.rate_hz)
-            sideways_bl = factor * sideways * (1 - fade)
+        for fade_ticks, factor in tries:
+            first_share = np.zeros(count)  # how much of the first speed is left
+            if fade_ticks:
+                first_share = np.maximum(0.0, 1 - tick_numbers / fade_ticks)
+            ahead = factor * forward + (speed - factor * forward[0]) * first_share
+            forward_bl = np.minimum(np.maximum(ahead, 0.0), self.phases.high / motion.rate_hz)
+            sideways_bl = factor * sideways * (1 - first_share)
             swim = Turning(
                 plan.share,
                 forward=forward_bl * self._length_px,
@@ -281,6 +278,20 @@ class Network:
             if possible:
                 break
         return trajectory, touch_tick, factor
+
+    def _stretch_filmed_turn(self, turn_number: int, count: int) -> tuple[Floats, Floats]:
+        """Return the displacement of a filmed turn, stretched in time to `count` ticks.
+
+        Both parts (count,) are body lengths in a tick: ahead, and to the inside of the turn.
+        """
+        turns = self.world.motion.turns
+        start, ticks = turns.start[turn_number], turns.ticks[turn_number]
+        film_tick, film_time = np.arange(ticks), np.linspace(0, ticks - 1, count)
+        forward, sideways = (
+            np.interp(film_time, film_tick, part[start : start + ticks])
+            for part in (turns.forward, turns.sideways)
+        )
+        return forward, sideways
 
     def brake(self, approach: GoalApproach) -> Stretch:
         """Return a stretch of up to Δ that slows down before a wall, or stays in place."""

@@ -79,15 +79,15 @@ def _phases_of_runs(
     rows = []
     for run in runs:
         # Straight runs follow turns; what was before the first one of a track is unknown: −1.
-        track, before = run.track, TURN if run.first > 0 else -1
+        track, state_before = run.track, TURN if run.first > 0 else -1
         for state, begin, end in _split_run(run, still_sway, p.steady_speed_ratio, least_ticks):
-            prior = max(begin - 1, 0)
-            drift = track.heading_deg[begin:end] - track.heading_deg[prior]
+            frame_before = max(begin - 1, 0)
+            drift = track.heading_deg[begin:end] - track.heading_deg[frame_before]
             if np.abs(drift).max() <= p.phase_drift_deg:
-                speed = track.speed[prior]
+                speed = track.speed[frame_before]
                 change = track.speed[begin:end] - speed
-                rows.append((state, before, end - begin, speed, change, drift))
-            before = state
+                rows.append((state, state_before, end - begin, speed, change, drift))
+            state_before = state
     if not rows:
         raise too_little_error("straight swimming")
     states, states_before, ticks, speeds, changes, drifts = zip(*rows, strict=True)
@@ -105,8 +105,10 @@ def _split_run(
 ) -> list[tuple[int, int, int]]:
     """Return (state, first frame, one past the last) of the phases of a straight run.
 
-    still_sway: sway of a still tail; steady_growth: growth of a steady speed; least_ticks: of a
-    phase; a shorter one is added to the phase before.
+    The state of a frame follows from its sway, how much the tail beats (a still one slides), and
+    its growth, the relative change of the speed in a Δ. still_sway: largest sway of a still tail;
+    steady_growth: largest growth of a steady speed, either way; least_ticks: of a phase; a shorter
+    one is added to the phase before.
     """
     first, frames = run.first, slice(run.first, run.end)
     sway, growth = run.track.sway[frames], run.track.growth[frames]

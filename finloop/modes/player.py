@@ -87,7 +87,7 @@ class PaperPlayer:
         return State(self.mode.begin(rng), np.zeros(2))
 
     def others_to_avoid(self, other_plans: Floats, tick: int) -> Company:
-        """Return a company without any fish: in the paper's modes a fish is alone."""
+        """Return no other fish: in the paper's modes a fish is alone."""
         return ALONE
 
     def with_company(self, state: State, other_plans: Floats) -> State:

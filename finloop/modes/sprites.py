@@ -105,12 +105,13 @@ def plan_turn(
 ) -> TurnPlan:
     """Return a turn by `angle_deg` > 0 that bends about to the relative motion area `area`.
 
-    frames: sprites of the turn's side. The strongest bend is held for at most `most_held_ticks`.
-    Where the film turns by far less or more than `angle_deg` over these sprites, a deeper or
-    shallower turn is taken.
+    frames: sprites of the turn's side, of which those up to the strongest bend, and some after it,
+    are shown. This is held for at most `most_held_ticks`. Where the film turns by far less or more
+    than `angle_deg` over these sprites, a deeper or shallower turn is taken.
     """
+    # depth: place of the strongest bend in the sequence of sprites.
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
-    depth = min(depth, frames.peak)  # place of the strongest bend
+    depth = min(depth, frames.peak)
     # Deeper, while even with the bend held the film turns by far less than the angle.
     while True:
         unheld_deg = frames.steps(depth, held_ticks=0)[1].sum()
@@ -145,16 +146,16 @@ def start_from_bend(
     sides = [other for other, turn in turns_by_side.items() if sprite in turn.number]
     if not sides:
         return plan
-    step = np.diff(plan.share, prepend=0.0)
+    step = np.diff(plan.share, prepend=0.0)  # part of the turn in each tick
     shown_at = np.flatnonzero(plan.frames == sprite)
     bent_to = sides[0]
     undoing = turns_by_side[bent_to].straightening_sprites(sprite)
-    if bent_to != side:
+    if bent_to != side:  # twice as fast: every second sprite
         frames = np.concatenate([undoing[::2], plan.frames])
         step = np.concatenate([np.full(len(frames) - len(step), plan.floor), step])
     elif shown_at.size and shown_at[0] + 1 < len(plan.frames):
         frames, step = plan.frames[shown_at[0] + 1 :], step[shown_at[0] + 1 :]
-    elif undoing.size:
+    elif undoing.size:  # deeper than the planned turn ever bends: the turn is made meanwhile
         frames, step = undoing, np.ones(len(undoing))
     else:
         return plan

@@ -177,7 +177,10 @@ class BestBranch(NamedTuple):
 
 
 def make_candidates(rows: Ints, rots: Floats, seams: Floats) -> Candidates:
-    """Return candidates (k,) without costs; those with a discontinuity are jumps."""
+    """Return candidates (k,) without costs; those with a discontinuity are jumps.
+
+    rows (k,); rots (k,): degrees by which they would be turned; seams (k,): discontinuities.
+    """
     return Candidates(rows, rots, seams, seams > 0, np.zeros((len(rows), len(TERMS))))
 
 
@@ -432,6 +435,7 @@ def insert_extension(beam: Beam, count: int, extension: Extension, displaced: Ma
     costliest is replaced. displaced (k,): set True for the candidate of an extension that is left
     out.
     """
+    # place: in the order of the costs; slot: where the extension itself is stored.
     costs, order, place, slot = beam.sorted_costs, beam.order, count, count
     if count == costs.size:
         place = count - 1

@@ -33,7 +33,7 @@ def load_track(film: RetargetData, p: RetargetSettings) -> Track:
     film: the film whose frames are drawn. FinloopError if the track cannot be read.
     """
     assert p.tracks is not None
-    steps = film.poses.pose.posture.shape[1] // 2 - 1
+    steps = film.poses.pose.posture.shape[1] // 2 - 1  # a posture of n steps is 2 + 2 n numbers
     if p.tracks.startswith(TRACK):
         rows = track_as_path(film.reel.features, p.tracks, "retarget.tracks").rows
         assert rows is not None

@@ -255,7 +255,10 @@ def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[
 
 
 def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish's shadow, a strip on the floor between its sides; return its index."""
+    """Add the node of a fish's shadow, a strip on the floor between its sides; return its index.
+
+    shape: of the fish; material: index of the shadow's.
+    """
 
     def flatten(points: Floats) -> Floats:
         """Return the points of both sides of the body, pressed flat, (2 · RINGS, 3)."""

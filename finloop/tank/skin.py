@@ -93,7 +93,8 @@ class FishSkins:
     ) -> Picture:
         """Return the cross-faded skins of two film rows, (AROUND, LENGTHWISE, 3) uint8.
 
-        weight: share of the second row, `partner`, 0 … 1.
+        weight: share of the second row, `partner`, 0 … 1; mirrored, partner_mirrored: whether each
+        is mirrored.
         """
         # A mirrored skin has the rows, which go around the body, in reverse order.
         skin = self.skin(row)[:: -1 if mirrored else 1]

@@ -226,7 +226,7 @@ def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
     stamps: times of all frames [s], ascending.
     """
     with open_stream(path) as (container, stream):
-        stream.codec_context.options = {"export_side_data": "venc_params"}
+        stream.codec_context.options = {"export_side_data": "venc_params"}  # with the quantisers
         yield from _next_good_frames(container, stream, 1)
         for stamp in np.linspace(stamps[0], stamps[-1], SAMPLES)[1:]:
             try:
