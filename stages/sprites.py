@@ -36,6 +36,7 @@ def _report_stand_ins(choices: dict[str, ChosenFrames]) -> None:
 
     choices: the frames chosen for each sequence, by its name.
     """
+    # Turns stand in on both sides or on none; one side without a turn gets the other's, mirrored.
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
             print(

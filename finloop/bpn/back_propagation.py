@@ -75,8 +75,9 @@ def learn_epoch(x, t, weights, velocity, batch_size, learning_rate, momentum):  
     """Learn once from every row by back-propagation (§3.1); change weights and velocity in place.
 
     x (n, 5): scaled inputs and a 1; t (n, 2): scaled targets, in 0 … 1; both are used in their
-    order. weights, velocity: flat (see `draw_first_weights`). batch_size: rows. After each batch
-    velocity ← momentum · velocity - learning rate · ∂E/∂weights, and weights ← weights + velocity.
+    order. weights, velocity: flat, of the hidden layer and then of the output layer, each unit's
+    bias last. batch_size: rows. After each batch velocity ← momentum · velocity - learning rate ·
+    ∂E/∂weights, and weights ← weights + velocity.
     """
     first, second = split_layers(weights)
     first_velocity, second_velocity = split_layers(velocity)
@@ -170,8 +171,9 @@ def train_motion_model(
 
 
 def model_from_weights(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
-    """Build a motion model from flat weights (see `draw_first_weights`), which are copied.
+    """Build a motion model from flat weights, which are copied.
 
+    weights: of the hidden layer, then of the output layer, unit by unit, each unit's bias last.
     low, high (4,): the inputs that are scaled to -1 and 1, in the units of INPUTS; delta_s: Δ [s].
     """
     hidden, output = (layer.T.copy() for layer in split_layers(weights))

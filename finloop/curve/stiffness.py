@@ -174,7 +174,7 @@ def _first_rows_of_scales(wavelet: str, n: int, levels: int, elastic: float) -> 
     """Return the first row of each scale in the stiffness matrix in the wavelet basis: (scales, n).
 
     It is found without the matrix: K, in the basis of φ a circulant, is applied to the first
-    function of the scale. wavelet, n, levels, elastic: as for `stiffness_matrix`.
+    function of the scale. n: points of the curve; levels: halvings; elastic: the constant e₀.
     """
     slices = scale_slices(n, levels)
     units = np.zeros((n, len(slices)))

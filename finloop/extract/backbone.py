@@ -464,7 +464,7 @@ def _smooth_by_medians(values):  # type: ignore[no-untyped-def]
 
 @kernel
 def _quantile_of_few(values, share):  # type: ignore[no-untyped-def]
-    """Return the quantile `share`, 0 … 1, of few values (n,), interpolated linearly."""
+    """Return the quantile `share`, 0 … below 1, of few values (n,), interpolated linearly."""
     rising = values.copy()  # becomes sorted, by insertion
     for i in range(1, values.size):
         k = i

@@ -244,7 +244,8 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
 def _refuse_rare_regions(regions: Mapping[str, Sequence[Region]], first: int) -> None:
     """Raise FinloopError if less than LEAST_SHARE of the frames show a region.
 
-    regions, first: as for `_check_regions`. The message asks whether a similar id was meant.
+    regions: by id, one for each frame, no `Curve` where the frame lacks it; first: number of the
+    first frame. The message asks whether a similar id was meant.
     """
     usual_names = sorted(
         name

@@ -111,7 +111,10 @@ def repeat_cycle(morph: Morph, cycles: int) -> Morph:
 
 
 def add_pooled_gamma(gait: Gait) -> Gait:
-    """Return the gait with a mean γ (gait parameter) for contours that it does not name."""
+    """Return the gait with a mean γ (gait parameter) for contours that it does not name.
+
+    A gait that has such a γ already, or none at all, is returned unchanged.
+    """
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {}

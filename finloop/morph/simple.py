@@ -336,6 +336,8 @@ def _implicit_step(points: Points, step: float) -> Points:
     """
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
     q = step / ((np.roll(edges, 1) + edges) / 2) ** 2
+    # The matrix is B + u vᵀ with a tridiagonal B, u = (corner, 0 … 0, −q_{n−1}) and
+    # v = (1, 0 … 0, ratio).
     corner = -(1 + 2 * q[0])
     ratio = -q[0] / corner
     bands = np.stack([np.roll(-q, 1), 1 + 2 * q, np.roll(-q, -1)])

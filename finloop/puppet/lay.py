@@ -110,7 +110,7 @@ def plan_strips(
 def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
     """Return the least length [px], left or right, of the two sections that bound step i.
 
-    limits: (m, 2) px, as in `Strip`.
+    limits: (m, 2) px, lengths of the m sections on their left and right.
     """
     return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
 
@@ -192,6 +192,7 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
     front, rear: the sections that bound a step, the front one nearer to the head. Bounds are
     ±HIDDEN where a section is parallel to the row.
     """
+    # Whether the step begins or ends where the row crosses a section depends on the section's side.
     start, stop = -HIDDEN, HIDDEN
     if abs(front.ny) > 1e-9:
         x_of_section = front.x + (y - front.y) * front.nx / front.ny

@@ -89,7 +89,7 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
 def _list_slots(sprites: pd.DataFrame, index: pd.DataFrame) -> list[list[AtlasSlot]]:
     """Return the slots of each sequence in each orientation, whose x and y are still to be set.
 
-    sprites, index: as for `lay_out_pages`.
+    sprites: schema `SPRITES`; index: has the size [px] of each sprite in each orientation.
     """
     sizes = index.set_index(_KEY)[["width_px", "height_px"]]
     groups = []
@@ -180,8 +180,9 @@ def atlas_page_json(
 ) -> dict[str, Any]:
     """Return the JSON of an atlas page: its sprites' rectangles, sequences, and each step's motion.
 
-    sprites, index: as for `lay_out_pages`. All sprites have the same untrimmed size; its middle is
-    within a pixel of the mass centre. page_number: of the page in `atlas`, from 0.
+    sprites: schema `SPRITES`; index: has the place and size [px] of each sprite in each
+    orientation. All sprites have the same untrimmed size; its middle is within a pixel of the mass
+    centre. page_number: of the page in `atlas`, from 0.
     """
     page = atlas[page_number]
     # The untrimmed size: squares of 2 reach + 1 px around the pixel with the mass centre.

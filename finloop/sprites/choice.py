@@ -181,8 +181,9 @@ def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: 
 def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float) -> list[str]:
     """Return the phase of each frame of a turn: "in", "hold" or "out"; ["none"] without a bend.
 
-    side: 1 left, −1 right. The phase is "hold" while the fish is bent by at least the share
-    `hold_share` of the largest bend, "in" before and "out" after.
+    table: from `swimmer_table`; run: the turn's rows in it; side: 1 left, −1 right. The phase is
+    "hold" while the fish is bent by at least the share `hold_share` of the largest bend, "in"
+    before and "out" after.
     """
     bend = side * table["bend"].to_numpy()[run.rows]
     peak = int(bend.argmax())
@@ -220,7 +221,8 @@ def find_tail_beats(
 ) -> pd.DataFrame:
     """Find runs of frames with one tail beat in straight swimming, with their faults.
 
-    table: from `swimmer_table`; the result has the columns start (row of `table`), length (frames)
+    table: from `swimmer_table`; delta_frames: the time Δ, of which the settings give the lengths of
+    a beat as multiples; the result has the columns start (row of `table`), length (frames)
     and one per fault, of which 1 is just acceptable. It is empty if there is no tail beat.
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
@@ -251,7 +253,8 @@ def find_tail_beats(
 def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSettings) -> pd.DataFrame:
     """Find runs of frames of straight gliding with a still tail, with their faults.
 
-    table: from `swimmer_table`; the result has the columns start (row of `table`), length (frames)
+    table: from `swimmer_table`; delta_frames: the time Δ, of which the settings give the lengths of
+    a glide as multiples; the result has the columns start (row of `table`), length (frames)
     and one per fault, of which 1 is just acceptable. Runs shorter than `slide_least` are included
     only if there are no longer ones, and those whose tail moves more than `still` only if no tail
     is still.
@@ -551,7 +554,8 @@ def choose_frames(
 def _measure_typical_sharpness(table: pd.DataFrame, draw_pictures: DrawPictures) -> float:
     """Return the median sharpness of the film's fish, in a sample of its usable frames.
 
-    table, draw_pictures: as for `choose_frames`. Without usable frames, any are taken.
+    Without usable frames, any are taken. table: from `swimmer_table`; draw_pictures: draws the fish
+    of its rows, turned by headings [°].
     """
     usable = np.flatnonzero(table["usable"])
     usable = usable if usable.size else np.arange(len(table))

@@ -231,7 +231,7 @@ def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float
 def _shade_body(body: _BodyPixels, skin: Image) -> Image:
     """Return RGB and opacity (n, 4) of the body's n subpixels in the light.
 
-    skin: as in `FishColours.skin`, a picture of the whole skin.
+    skin: a picture (rows, columns, 4) of the whole skin, RGB and opacity, the snout at column 0.
     """
     # The colour of the skin at each subpixel.
     rows, columns = skin.shape[:2]

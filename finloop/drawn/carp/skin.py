@@ -157,7 +157,7 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
 def _paint_patches(places: _BodyPlaces, coat: int, rng: np.random.Generator) -> Image:
     """Return a skin (rows, columns, 3) of back and flanks, with sharp koi-like patches.
 
-    The coloured patches are fewer on the head. coat: as for `paint_fish`.
+    The coloured patches are fewer on the head. coat: number of the colouring in _COATS.
     """
     back, flank, dark, patch = _COATS[coat % len(_COATS)]
     s, v, r = places
@@ -229,9 +229,10 @@ def _paint_fin_picture(
     rng: np.random.Generator, columns: int, back: tuple[float, ...], flank: tuple[float, ...],
     dark: tuple[float, ...],
 ) -> Image:  # fmt: skip
-    """Return a painted paired fin, spread, as in `FishColours.fin`: rays in a clear membrane.
+    """Return a painted paired fin, spread: rays in a clear membrane, (columns, columns, 5).
 
-    columns: its width, px; back, flank, dark: RGB colours of the fish, 0-255.
+    They are premultiplied RGB, opacity and coverage; the root is at column 0. columns: px; back,
+    flank, dark: RGB colours of the fish, 0-255.
     """
     # The numbers are drawn by eye. Places on the fin, in its lengths: along it, and across from the
     # leading edge (−) to the trailing one.

@@ -94,8 +94,8 @@ def _paint_landscape(
 ) -> None:
     """Paint the sky, the hills and the meadow with its tufts of grass over a whole picture.
 
-    horizon: its row; camera_px: how far the camera has moved to the right; tufts, hills: as for
-    `_paint_frame`.
+    horizon: its row; camera_px: how far the camera has moved to the right; tufts (k, 3): x px, y as
+    a share of the meadow's depth, size px; hills (m, 2): x and height, px.
     """
     picture[:horizon], picture[horizon:] = SKY, MEADOW
     for x, height in hills:
