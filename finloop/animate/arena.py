@@ -333,10 +333,8 @@ def place_goals(
     """Return the goals of the configuration, in pixels.
 
     given_goals: [x, y] each; unit: "px", or "tank" for shares of the tank's width and height, from
-    its upper left corner. A fish touches what is within `touch_px` of a legal centre. A goal given
-    in shares of 0-1 that is outside the tank, as in the corner of a round one, or out of touch is
-    moved to the nearest legal centre. FinloopError, which names all, if there are no goals, or one
-    is not x, y or cannot be reached.
+    its upper left corner. A fish touches what is within `touch_px` of a legal centre. FinloopError,
+    which names all, if there are no goals, or one is not x, y or cannot be reached.
     """
     left, top, right, bottom = tank.corners_px
     wanted = f"one or more goals inside the tank, which is {left}-{right} × {top}-{bottom} px"
@@ -351,16 +349,11 @@ def place_goals(
             continue
         x, y = map(float, pair)
         if unit == "tank":
-            are_shares = 0 <= min(x, y) <= max(x, y) <= 1
-            x, y = left + x * (right - left), top + y * (bottom - top)
-            legal = tank.nearest_legal_point(x, y)
-            can_touch = np.hypot(legal[0] - x, legal[1] - y) <= touch_px
-            if are_shares and not (can_touch and is_legal_point(tank.arena, x, y)):
-                x, y = legal
+            x, y = _place_share(x, y, tank, touch_px)
         goals.append(Goal(name, x, y))
         if not is_legal_point(tank.arena, x, y):
             problems.append(f"{name}: ({x:.0f}, {y:.0f}) px is outside the tank")
-        elif np.hypot(*np.subtract(tank.nearest_legal_point(x, y), (x, y))) > touch_px:
+        elif _distance_to_legal(tank, x, y) > touch_px:
             problems.append(f"{name}: ({x:.0f}, {y:.0f}) px lies where the fish does not fit in")
     if problems:
         raise FinloopError(
@@ -369,3 +362,25 @@ def place_goals(
             "move the goals (animate.goals, animate.goal_unit), or raise animate.goal_radius_bl",
         )
     return goals
+
+
+def _place_share(
+    share_x: float, share_y: float, tank: Tank, touch_px: float
+) -> tuple[float, float]:
+    """Return the x, y px of a goal that is given in shares of the tank's width and height.
+
+    A goal in shares of 0-1 that is outside the tank, as in the corner of a round one, or more than
+    `touch_px` from a legal centre is moved to the nearest legal centre.
+    """
+    left, top, right, bottom = tank.corners_px
+    x, y = left + share_x * (right - left), top + share_y * (bottom - top)
+    in_reach = is_legal_point(tank.arena, x, y) and _distance_to_legal(tank, x, y) <= touch_px
+    if in_reach or not 0 <= min(share_x, share_y) <= max(share_x, share_y) <= 1:
+        return x, y
+    return tank.nearest_legal_point(x, y)
+
+
+def _distance_to_legal(tank: Tank, x: float, y: float) -> float:
+    """Return how many px a point x, y is from the nearest place where the fish's centre may be."""
+    legal_x, legal_y = tank.nearest_legal_point(x, y)
+    return float(np.hypot(legal_x - x, legal_y - y))

@@ -121,7 +121,7 @@ class TankView:
             self.goals_reached += sum(fish.reached for fish in travelling)
 
     def render_frame(self, took_ms: float = 0.0) -> bytes:
-        """Return the next frame as bytes for the page: a description of the tick, and a JPEG.
+        """Draw the next frame, and count it; return bytes for the page: its description and a JPEG.
 
         took_ms: how long it took to make the frame before.
         """

@@ -174,9 +174,9 @@ def draw_strip(
 ) -> Picture:  # fmt: skip
     """Return `count` pictures of a fish side by side, spread over some ticks of an edit list.
 
-    edit: the ticks, with the column start_deg, the heading that is drawn to the right. length_px:
-    body length as filmed. size_px: width of
-    a picture. The result is (size_px, count × size_px, 3).
+    edit: the ticks, with the column start_deg, the heading that points right in the pictures.
+    length_px: body length as filmed. size_px: width of a picture. The result is (size_px, count ×
+    size_px, 3).
     """
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))

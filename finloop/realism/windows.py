@@ -144,9 +144,9 @@ def cut_windows(
 ) -> Windows:
     """Return measured swimming cut into windows of channels; no window crosses from track to track.
 
-    table: columns of `FEATURES`, track by track. ticks: of the same rows. cut: lengths in frames. A
-    window belongs to the block of most of its ticks. largest: motion area of the film's most bent
-    fish, in squares of a body length.
+    table: columns of `FEATURES`, track by track. ticks: blocks and clusters of the same rows. cut:
+    lengths in frames. A window belongs to the block of most of its ticks. rate_hz: ticks per
+    second. largest: motion area of the film's most bent fish, in squares of a body length.
     """
     # The channels of the windows, and the rows with which they begin.
     x, first = [np.zeros((0, cut.length // cut.step, len(CHANNELS)))], [np.zeros(0, np.intp)]

@@ -223,7 +223,8 @@ class _AnimalTrack:
     def _detect_jump(self, t: float, change_s: float) -> bool | None:
         """Return whether the tracker's clock jumped before its time t; None: no, t is only late.
 
-        change_s: how much larger the offset between the clocks has become.
+        A late t is remembered: a later one that is late, too, shows a jump. change_s: how much
+        larger the offset between the clocks has become.
         """
         if t > self._last_t:
             # A larger offset is no jump: the message was held up. If the clock was put back, the

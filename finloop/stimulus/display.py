@@ -60,7 +60,10 @@ class DisplayCalibration(StrictModel):
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
-        """Refuse corners that no projection reaches: going round, each must turn clockwise."""
+        """Return the calibration; ValueError for corners that no projection reaches.
+
+        Going round, each must turn clockwise.
+        """
         corners = self.corners or ()
         for number, (bx, by) in enumerate(corners):
             (ax, ay), (cx, cy) = corners[number - 1], corners[(number + 1) % 4]

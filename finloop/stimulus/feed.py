@@ -83,6 +83,8 @@ class Feed:
     ) -> list[bytes]:
         """Return the messages of one tick: pictures that the page lacks, then the fish's states.
 
+        The latter are kept for pages that connect within the next ticks.
+
         seq: number of the message with the states. tick: number within the trial. due_s: session
         time at which to show it. states: (fish, fields). replanned: whether states that were
         sent for this tick and later ones are void.

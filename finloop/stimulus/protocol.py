@@ -103,7 +103,7 @@ class RuleSpec(StrictModel):
 
     @model_validator(mode="after")
     def _refuse_unused_values(self) -> "RuleSpec":
-        """Refuse a value that the rule does not use, as the user would expect an effect."""
+        """Return the rule; ValueError for a value without effect, as the user would expect one."""
         for name, rules in _FIELDS_OF_RULES.items():
             is_given = getattr(self, name) != RuleSpec.model_fields[name].default
             if is_given and self.rule not in rules:
@@ -134,7 +134,7 @@ class Motion(StrictModel):
 
     @model_validator(mode="after")
     def _check_one_motion(self) -> "Motion":
-        """Refuse a motion with no field or with several."""
+        """Return the motion; ValueError if it has no field or several."""
         if len(self._given_fields) != 1:
             raise ValueError(
                 f"should be exactly one of {', '.join(Motion.model_fields)}; "
@@ -178,7 +178,7 @@ class Look(StrictModel):
 
     @model_validator(mode="after")
     def _check_colour(self) -> "Look":
-        """Refuse a colour for a fish that is drawn as filmed."""
+        """Return the look; ValueError if a fish that is drawn as filmed has a colour."""
         if self.colour is not None and self.shape == "fish":
             raise ValueError("colour is of a dot or a silhouette; a fish has its own")
         return self
@@ -201,7 +201,7 @@ class MotionChange(StrictModel):
 
     @model_validator(mode="after")
     def _check_movement(self) -> "MotionChange":
-        """Refuse a still motion that has a speed or a direction."""
+        """Return the change; ValueError if a still motion has a speed or a direction."""
         if self.still and (self.reversed or self.speed != 1):
             raise ValueError("what is still has no speed and no direction; leave out one of them")
         return self
@@ -247,7 +247,7 @@ class TrialStart(StrictModel):
 
     @model_validator(mode="after")
     def _check_one_start(self) -> "TrialStart":
-        """Refuse a start with both or neither of key and message."""
+        """Return the start; ValueError if it has both or neither of key and message."""
         if (self.key is None) == (self.message is None):
             raise ValueError("should be exactly one of key, message")
         return self

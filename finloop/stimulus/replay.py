@@ -188,7 +188,10 @@ class _SessionPlanner:
             self._replanned = self._reaction.replan_tick(row["time_s"])
 
     def plan_tick(self, row: dict[str, Any]) -> States | None:
-        """Return the states (fish, fields) of the tick in a log's row; None if there are none."""
+        """Return the states (fish, fields) of the tick in a log's row; None if there are none.
+
+        What the last input had planned again is returned once, for the row that says so.
+        """
         if self._known is not None:
             return self._known[row["number"]]
         if row["verdict"] == "anew":  # replanned by the last input (`handle_input`)

@@ -96,7 +96,10 @@ class GlbDocument:
         return self.add("bufferViews", view)
 
     def encode(self, root: int) -> bytes:
-        """Return the bytes of the .glb file; root: index of the node that holds the whole scene."""
+        """Add the scene, and return the bytes of the .glb file.
+
+        root: index of the node that holds the whole scene.
+        """
         self._document["scene"] = self.add("scenes", {"nodes": [root]})
         data = bytes(self._data) + b"\0" * (-len(self._data) % 4)  # padded to four bytes
         document = self._document | {"buffers": [{"byteLength": len(data)}]}
