@@ -103,7 +103,7 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     p = settings_without_path()
     with Project() as project:
         film_data = matching_data(project, p)
-        yield {"film": film_name, **measure_film(film_data.reel.features, film_data.rate_hz)}
+        yield {"film": film_name, **measure_film(project.features, project.rate_hz)}
         for overlap in (False, True):
             animator = matching_animator(film_data, replace_settings(p, overlap=overlap))
             yield {"film": film_name, **measure_animation(animator)}

@@ -33,8 +33,6 @@ def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
 def matching_data(project: Project, p: AllSettings) -> MatchingData:
     """Return the data from which the stage `modes-matching` makes its animation."""
     return MatchingData(
-        project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
-        project.step_distances, project.jumps, project.poses, project.forecast_sampler,
+        project.film_assets, project.jumps, project.forecast_sampler,
         load_path_lines(p, project.features), project.facts.mm_per_px, project.school_rule,
-        project.background,
     )  # fmt: skip

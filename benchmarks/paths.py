@@ -87,8 +87,8 @@ def longest_tracks(
     film_data: MatchingData, animator: MatchingAnimator, count: int = TRACKS
 ) -> Iterator[tuple[str, Line]]:
     """Yield the longest stretches of tracks within the tank, the liveliest first among equals."""
-    features, legal = film_data.reel.features, animator.world.tank.legal
-    most_frames = round(TRACK_S * film_data.rate_hz)
+    features, legal = film_data.assets.scaled.reel.features, animator.world.tank.legal
+    most_frames = round(TRACK_S * animator.world.motion.rate_hz)
     stretches = []
     for number in features["track_id"].unique().tolist():
         line = track_as_path(features, f"{TRACK}{number}")

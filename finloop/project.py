@@ -27,6 +27,8 @@ from finloop.io.table import load_list_columns, load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, load_mask
 
 if TYPE_CHECKING:  # what members return; they import it themselves
+    from finloop.animate.motion import MotionStatistics
+    from finloop.animate.silhouettes import FilmOutlines
     from finloop.bpn.model import MotionModel
     from finloop.distance.map import MapFacts
     from finloop.distance.reel import Reel
@@ -35,6 +37,7 @@ if TYPE_CHECKING:  # what members return; they import it themselves
     from finloop.extract.table import SceneFacts
     from finloop.forecast.film import FilmStates
     from finloop.forecast.sampling import Sampler
+    from finloop.modes.animator import ModeAssets
     from finloop.pose.film import FilmPoses
     from finloop.render.gallery import Gallery
     from finloop.social.rule import SchoolRule
@@ -188,10 +191,13 @@ class Project:
         )
 
     @cached_property
-    def outlines(self) -> Floats:
+    def outlines(self) -> FilmOutlines:
         """Return the outlines of the n rows' silhouettes, (n, k, 2): k points x, y in px."""
+        from finloop.animate.silhouettes import FilmOutlines
+
         shape = len(self.features), None, 2
-        return open_array(self.data / "pose/outlines.npy", shape, "float32")
+        outline_px = open_array(self.data / "pose/outlines.npy", shape, "float32")
+        return FilmOutlines.from_rows(outline_px, self.features)
 
     # --- sprites, and the film's pictures
 
@@ -343,6 +349,34 @@ class Project:
         )  # fmt: skip
 
     # --- animations
+
+    @cached_property
+    def swimming(self) -> MotionStatistics:
+        """Return what the film teaches of swimming, such as its turns, as filmed."""
+        from finloop.animate.motion import learn_motion
+        from finloop.features.table import infer_delta_frames
+
+        return learn_motion(self.features, self.rate_hz, infer_delta_frames(self.features))
+
+    @cached_property
+    def film_assets(self) -> ModeAssets:
+        """Return what the modes share of a film: it at its drawn size, tank, pictures, outlines."""
+        return self._prepare_assets(self.film_reel)
+
+    @cached_property
+    def sprite_assets(self) -> ModeAssets:
+        """Return what the modes that show sprites share: `film_assets` with the sprites."""
+        return self._prepare_assets(self.reel)
+
+    def _prepare_assets(self, reel: Reel) -> ModeAssets:
+        """Return what the modes share of the film; reel: its pictures, with or without sprites."""
+        from finloop.modes.animator import FilmData, prepare_mode_assets
+
+        film_data = FilmData(
+            self.swimming, self.arena, self.background, reel, self.outlines, self.poses,
+            self.map_facts, self.step_distances,
+        )  # fmt: skip
+        return prepare_mode_assets(film_data, self.settings("animate"))
 
     def edit_list(self, mode: str, stage: str) -> pd.DataFrame:
         """Return the edit list of a mode, columns of `EDIT`, a row per tick and fish.

@@ -38,6 +38,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.animate.motion import learn_motion
+from finloop.animate.silhouettes import FilmOutlines
 from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
@@ -71,7 +73,7 @@ from finloop.jumps.film import FilmJumps, find_film_jumps
 from finloop.jumps.signature import InMemorySource
 from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS, NoLoopsError, find_video_loops, to_sparse_map
-from finloop.modes.animator import Animator, FilmData
+from finloop.modes.animator import Animator, FilmData, prepare_mode_assets
 from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
 from finloop.modes.matching import MatchingData, matching_animator
@@ -373,31 +375,26 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         )
     p = _group_settings(("animate", *GROUPS_OF[mode]), changes)
     film, outline_px = tracks.film, lists_to_points(tracks.table, "outline")
-    reel_without_sprites = Reel(reel.features, reel.film)
+    shows_sprites = mode in ("network", "hybrid")
+    film_data = FilmData(
+        learn_motion(reel.features, film.rate_hz, infer_delta_frames(reel.features)), film.arena,
+        tracks.background, reel if shows_sprites else Reel(reel.features, reel.film),
+        FilmOutlines.from_rows(outline_px, reel.features), poses, similar.facts, similar.steps,
+    )  # fmt: skip
+    assets, settings = prepare_mode_assets(film_data, p["animate"]), p.values()
     animator: Animator
-    if mode == "matching":
-        animator = matching_animator(
-            MatchingData(
-                film.rate_hz, film.arena, reel_without_sprites, outline_px, similar.facts,
-                similar.steps, jumps.jumps, poses, forecast,
-                load_path_lines(p["matching"], reel.features), film.facts.mm_per_px, shoaling,
-                tracks.background,
-            ),
-            merge_settings(p["animate"], p["matching"]),
-        )  # fmt: skip
+    if mode == "network":
+        animator = network_animator(assets, model, *settings)
+    elif mode == "loops":
+        animator = loops_animator(assets, loops, *settings)
+    elif mode == "hybrid":
+        animator = hybrid_animator(assets, model, loops, gateways, *settings)
     else:
-        data = FilmData(
-            film.rate_hz, film.arena, tracks.background,
-            reel_without_sprites if mode == "loops" else reel, outline_px, poses, similar.facts,
-            similar.steps,
-        )  # fmt: skip
-        if mode == "network":
-            animator = network_animator(data, model, p["animate"], p["network"])
-        elif mode == "loops":
-            animator = loops_animator(data, loops, p["animate"], p["loops"])
-        else:
-            groups = (p[name] for name in ("animate", *GROUPS_OF[mode]))
-            animator = hybrid_animator(data, model, loops, gateways, *groups)
+        lines = load_path_lines(p["matching"], reel.features)
+        matching_data = MatchingData(
+            assets, jumps.jumps, forecast, lines, film.facts.mm_per_px, shoaling
+        )
+        animator = matching_animator(matching_data, merge_settings(p["animate"], p["matching"]))
     _, edit = animator.plan(animator.goals())
     return apply_schema(edit, EDIT)
 

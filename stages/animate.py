@@ -8,12 +8,11 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.animate import encounters, measures
-from finloop.animate.motion import MotionStatistics, learn_motion
+from finloop.animate.motion import MotionStatistics
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
-from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import whole_folder
 from finloop.io.record import load_json, remake_hint
 from finloop.io.table import load_table, save_csv, save_table
@@ -116,7 +115,7 @@ def main() -> None:
     """
     with Project() as project:
         features = project.features
-        motion = learn_motion(features, project.rate_hz, infer_delta_frames(features))
+        motion = project.swimming
         film_motion = measures.motion_of_film(features, motion)
         numbers = {mode: _load_mode_numbers(mode) for mode in _list_animated_modes()}
         film = _measure_film(project, motion, film_motion)

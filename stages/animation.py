@@ -12,7 +12,6 @@ import pandas as pd
 
 from finloop.animate import encounters, measures
 from finloop.base.parallel import Workers, ordered_map
-from finloop.distance.reel import Reel
 from finloop.edit.measures import (
     average_measures,
     discontinuity_measures,
@@ -28,7 +27,7 @@ from finloop.edit.stretch import Swim
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
-from finloop.modes.animator import Animator, FilmData
+from finloop.modes.animator import Animator
 from finloop.modes.matching import NothingToUse
 from finloop.modes.samples import sample_animations
 from finloop.project import Project
@@ -40,17 +39,6 @@ OpenMode = Callable[[Project], Any]  # returns an Animator
 SaveMore = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
 """Writes further files of a mode to a folder, of its animator, one swim per fish and edit list;
 returns further numbers by name."""
-
-
-def load_film_data(project: Project, reel: Reel) -> FilmData:
-    """Return the results of earlier stages that a mode of the fish paper needs.
-
-    reel: the pictures that the mode shows, those of the film alone or with the sprites.
-    """
-    return FilmData(
-        project.rate_hz, project.arena, project.background, reel, project.outlines, project.poses,
-        project.map_facts, project.step_distances,
-    )  # fmt: skip
 
 
 def write_animation(mode: str, open_mode: OpenMode, save_more: SaveMore | None = None) -> None:

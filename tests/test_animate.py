@@ -22,8 +22,8 @@ from toy_film import (
     track,
 )
 
-from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
+from finloop.animate import measures
 from finloop.animate.arena import (
     FilmHulls,
     choose_fish_area,
@@ -76,34 +76,39 @@ def disc(radius: float) -> np.ndarray:
 
 def test_without_an_arena_the_fish_is_where_animals_were_filmed():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
-    there = tank_area(whole, wide, "auto")
+    there = tank_area(whole, FilmHulls(wide), "auto")
     rows, columns = np.mgrid[:160, :200]
     away = np.hypot(columns - 100, rows - 80)
     assert there[away < 68].all() and not there[away > 71].any()
     given = columns > 50  # an arena that was given is believed
-    assert np.array_equal(tank_area(given, wide, "auto"), given)
-    assert np.array_equal(tank_area(given, wide, "filmed"), given & there)
-    assert tank_area(whole, wide, "arena").all()
-    assert tank_area(whole, disc(20.0), "auto").all()  # it held its place
+    assert np.array_equal(tank_area(given, FilmHulls(wide), "auto"), given)
+    assert np.array_equal(tank_area(given, FilmHulls(wide), "filmed"), given & there)
+    assert tank_area(whole, FilmHulls(wide), "arena").all()
+    assert tank_area(whole, FilmHulls(disc(20.0)), "auto").all()  # it held its place
 
 
 def test_a_film_that_shows_the_tank_piece_by_piece_is_too_short_to_tell_where_it_ends():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
     order = np.argsort(wide[:, 0, 0])  # from left to right: each half of the film shows a half
-    assert FilmHulls.from_outlines(wide).are_complete
-    assert not FilmHulls.from_outlines(wide[order]).are_complete
+    assert FilmHulls(wide).are_complete
+    assert not FilmHulls(wide[order]).are_complete
     floor = np.random.default_rng(0).integers(140, 160, (160, 200)).astype(np.uint8)
-    assert tank_area(whole, wide[order], "auto", floor).all()
-    there = tank_area(whole, wide, "auto", floor)
-    assert np.array_equal(tank_area(whole, wide[order], "filmed", floor), there) and not there.all()
-    assert np.array_equal(tank_area(whole, wide[order], "auto"), there)  # the floor is not known
+    assert tank_area(whole, FilmHulls(wide[order]), "auto", floor).all()
+    there = tank_area(whole, FilmHulls(wide), "auto", floor)
+    assert (
+        np.array_equal(tank_area(whole, FilmHulls(wide[order]), "filmed", floor), there)
+        and not there.all()
+    )
+    assert np.array_equal(
+        tank_area(whole, FilmHulls(wide[order]), "auto"), there
+    )  # the floor is not known
     both = np.concatenate([wide[order], wide[order][::-1]])  # and back again
-    assert FilmHulls.from_outlines(both).are_complete
-    assert np.array_equal(tank_area(whole, both, "auto", floor), there)
+    assert FilmHulls(both).are_complete
+    assert np.array_equal(tank_area(whole, FilmHulls(both), "auto", floor), there)
     rests = np.concatenate([wide, wide[order][:20].repeat(2, 0)])
     # A half that adds little shows that there is little to add.
-    assert FilmHulls.from_outlines(rests).are_complete
-    assert not FilmHulls.from_outlines(wide[:1]).are_complete
+    assert FilmHulls(rests).are_complete
+    assert not FilmHulls(wide[:1]).are_complete
 
 
 @pytest.mark.parametrize(("beyond", "same"), [(0, True), (10, True), (60, False), (-60, False)])
@@ -117,16 +122,16 @@ def test_a_floor_goes_on_where_most_beyond_is_as_bright(beyond, same):
     assert not is_floor_alike_beyond(floor, np.ones_like(filmed))
     order = np.argsort(disc(66.0)[:, 0, 0])
     whole, picture = np.ones((160, 200), bool), np.full((160, 200), 150 + beyond, np.uint8)
-    picture[tank_area(whole, disc(66.0), "filmed")] = 150
-    kept = choose_fish_area(whole, disc(66.0)[order], 30.0, "auto", picture)
+    picture[tank_area(whole, FilmHulls(disc(66.0)), "filmed")] = 150
+    kept = choose_fish_area(whole, FilmHulls(disc(66.0)[order]), 30.0, "auto", picture)
     assert kept.all() == (beyond == 0)
 
 
 def test_where_animals_were_filmed_does_not_depend_on_how_many_are_looked_at_at_a_time(monkeypatch):
     whole, wide = np.ones((160, 200), bool), disc(66.0)
-    there = tank_area(whole, wide, "filmed")
-    monkeypatch.setattr(arena, "_LOT", 3)
-    assert np.array_equal(tank_area(whole, wide, "filmed"), there)
+    there = tank_area(whole, FilmHulls(wide), "filmed")
+    monkeypatch.setattr("finloop.base.parallel._BLOCK", 3)
+    assert np.array_equal(tank_area(whole, FilmHulls(wide), "filmed"), there)
 
 
 def test_the_edge_of_the_picture_is_a_wall():
@@ -145,15 +150,17 @@ def test_of_two_pools_the_larger_is_the_tank():
 
 def test_a_fish_that_does_not_fit_into_where_it_was_filmed_may_be_anywhere():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
-    filmed = tank_area(whole, wide, "auto")
-    assert not filmed.all() and np.array_equal(choose_fish_area(whole, wide, 30.0, "auto"), filmed)
-    assert choose_fish_area(whole, wide, 75.0, "auto").all()
+    filmed = tank_area(whole, FilmHulls(wide), "auto")
+    assert not filmed.all() and np.array_equal(
+        choose_fish_area(whole, FilmHulls(wide), 30.0, "auto"), filmed
+    )
+    assert choose_fish_area(whole, FilmHulls(wide), 75.0, "auto").all()
     assert np.array_equal(
-        choose_fish_area(whole, wide, 75.0, "filmed"), filmed
+        choose_fish_area(whole, FilmHulls(wide), 75.0, "filmed"), filmed
     )  # asked for, so kept to
     given = np.zeros((160, 200), bool)
     given[20:60, 20:180] = True
-    assert np.array_equal(choose_fish_area(given, wide, 30.0, "auto"), given)
+    assert np.array_equal(choose_fish_area(given, FilmHulls(wide), 30.0, "auto"), given)
     with pytest.raises(FinloopError, match="smaller than the fish"):
         make_tank(given, 30.0)
 

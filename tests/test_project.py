@@ -41,7 +41,7 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         drawn = project.edit_with_sources("network", "render", sprites=True, bodies=True)
         project.gallery(drawn).film_picture(0)
         assert project.arena.shape == project.background.shape[:2]
-        assert len(project.reel) == len(project.film_reel) == len(project.outlines)
+        assert len(project.reel) == len(project.film_reel) == len(project.outlines.outline_px)
         assert len(project.step_distances) and len(project.jumps) and project.loops is not None
         assert project.school_rule.horizon and project.has_forecast == (
             project.forecast_sampler is not None

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Mask, Picture, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel, leaf_kernel
+from finloop.base.parallel import map_row_blocks
 from finloop.edit.schema import Goal
 
 _SIGHT_STEP_PX = 2.0  # step along a line of sight
@@ -29,7 +29,6 @@ _ALIKE = 0.5
 """Share of the floor beyond that looks the same at least. Pieces of the carp: 0.86-0.91, mouse
 0.16-0.36."""
 _MOST_REACH = 0.5  # of the distance from wall to middle: a fish that reaches farther cannot turn
-_LOT = 10_000  # outlines at a time, to save memory
 _CELLS = 200  # cells a side, at most, of the map on which a path round a wall is sought
 
 
@@ -176,23 +175,28 @@ def filmed_area(arena: Mask, hull: NDArray[np.int32]) -> Mask:
     return arena & inside.astype(bool)
 
 
-class FilmHulls(NamedTuple):
+@dataclass(frozen=True)
+class FilmHulls:
     """Convex hulls, as corners in whole px, of all outlines of a film and of those of its halves.
 
-    halves: of the first and the last half of the outlines; none for a single outline.
+    outlines_px (n, k, 2): x, y as filmed. The hulls are computed at their first use, as the modes
+    of one film share them.
     """
 
-    whole: NDArray[np.int32]
-    halves: list[NDArray[np.int32]]
+    outlines_px: Reals
 
-    @classmethod
-    def from_outlines(cls, outlines_px: Reals) -> "FilmHulls":
-        """Return the hulls of outlines (n, k, 2): x, y as filmed."""
-        half = len(outlines_px) // 2
-        if half == 0:
-            return cls(_convex_hull(outlines_px), [])
-        halves = [_convex_hull(part) for part in (outlines_px[:half], outlines_px[half:])]
-        return cls(np.asarray(cv2.convexHull(np.concatenate(halves)), np.int32), halves)
+    @cached_property
+    def whole(self) -> NDArray[np.int32]:
+        """Return the hull of all outlines."""
+        hulls = self.halves or [_convex_hull(self.outlines_px)]
+        return np.asarray(cv2.convexHull(np.concatenate(hulls)), np.int32)
+
+    @cached_property
+    def halves(self) -> list[NDArray[np.int32]]:
+        """Return the hulls of the first and the last half of the outlines; none of a single one."""
+        half = len(self.outlines_px) // 2
+        parts = (self.outlines_px[:half], self.outlines_px[half:]) if half else ()
+        return [_convex_hull(part) for part in parts]
 
     @property
     def are_complete(self) -> bool:
@@ -229,10 +233,9 @@ def _convex_hull(outlines_px: Reals) -> NDArray[np.int32]:
 
     Only the ends of each row of pixels are given to OpenCV, which is quicker: see `_row_ends`.
     """
-    corners = [
-        _row_ends(np.asarray(outlines_px[first : first + _LOT]).reshape(-1, 2))
-        for first in range(0, len(outlines_px), _LOT)
-    ]
+    corners = map_row_blocks(
+        lambda rows: _row_ends(np.asarray(outlines_px[rows]).reshape(-1, 2)), len(outlines_px)
+    )
     return np.asarray(cv2.convexHull(np.concatenate(corners)), np.int32)
 
 
@@ -262,11 +265,11 @@ def _row_ends(points: Reals) -> NDArray[np.int32]:
 
 
 def tank_area(
-    arena: Mask, outlines_px: Reals, tank_setting: str, floor: Picture | None = None
+    arena: Mask, hulls: FilmHulls, tank_setting: str, floor: Picture | None = None
 ) -> Mask:
     """Return where (h, w) a fish may be: in `arena`, or in its part where animals were filmed.
 
-    outlines_px (n, k, 2): x, y as filmed; floor: the empty tank, None if unknown.
+    hulls: of the film's outlines; floor: the empty tank, None if unknown.
     tank_setting: "arena", "filmed" (the part where animals were filmed) or "auto". "auto" is the
     arena in three cases: it is less than the whole picture, that is, it was given; the animals
     filled less than a quarter of the picture, as in a current; or the film is too short to show the
@@ -275,7 +278,6 @@ def tank_area(
     """
     if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena
-    hulls = FilmHulls.from_outlines(outlines_px)
     filmed = filmed_area(arena, hulls.whole)
     if tank_setting == "filmed":
         return filmed
@@ -287,18 +289,14 @@ def tank_area(
 
 
 def choose_fish_area(
-    arena: Mask,
-    outlines_px: Reals,
-    reach_px: float,
-    tank_setting: str,
-    floor: Picture | None = None,
+    arena: Mask, hulls: FilmHulls, reach_px: float, tank_setting: str, floor: Picture | None = None
 ) -> Mask:
     """Return where (h, w) a fish may be: `tank_area`, but with "auto" the whole arena if needed.
 
     It is needed where the fish, which reaches `reach_px` from its centre, does not fit in the area.
     The other parameters are those of `tank_area`.
     """
-    area = tank_area(arena, outlines_px, tank_setting, floor)
+    area = tank_area(arena, hulls, tank_setting, floor)
     return arena if tank_setting == "auto" and not can_fish_fit(area, reach_px) else area
 
 

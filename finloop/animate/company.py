@@ -9,17 +9,16 @@ A picture has a number: the row of a frame in the motion graph, or −1 − the 
 """
 
 from collections.abc import Sequence
-from itertools import chain
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.kernel import kernel, leaf_kernel
+from finloop.base.parallel import map_row_blocks
 
 _DISCS = 6  # of a body, from tail to head: more cover it more tightly, and cost the search time
 _TICKS = 64  # for which planned trajectories have memory at first; it grows
-_LOT = 10_000  # outlines at a time, to save memory
 _EDGE_PX = 1.5  # added to radii: pixels of both bodies have corners
 
 
@@ -200,15 +199,20 @@ def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Disc
 
     Outlines are px ahead of and to the left of the mass centre.
     """
-    frames = (frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT))
-    batches = chain(frames, (np.asarray(hull)[None] for hull in sprite_hulls))
-    table = np.concatenate([_disc_table(np.ascontiguousarray(batch, float)) for batch in batches])
+    frame_discs = map_row_blocks(lambda rows: _disc_table(frame_hulls[rows]), len(frame_hulls))
+    sprite_discs = [_disc_table(hull[None]) for hull in sprite_hulls]
+    table = np.concatenate([*frame_discs, *sprite_discs])
     reach = np.hypot(table[..., 0], table[..., 1]) + table[..., 2]
     return Discs(table, len(frame_hulls), float(reach.max()))
 
 
+def _disc_table(hulls: Reals) -> Floats:
+    """Return the discs (n, k, 3) that cover outlines (n, p, 2): see `_cover_outlines`."""
+    return np.asarray(_cover_outlines(np.ascontiguousarray(hulls, float)))
+
+
 @kernel
-def _disc_table(hulls):  # type: ignore[no-untyped-def]
+def _cover_outlines(hulls):  # type: ignore[no-untyped-def]
     """Return the discs (n, k, 3) that cover outlines (n, p, 2), one for each slice of the length.
 
     A disc: px ahead of and to the left of the mass centre, and radius. The outline is cut across

@@ -8,39 +8,73 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.animate.arena import FilmHulls
 from finloop.animate.company import Discs, Hulls, cover_with_discs
 from finloop.base.arrays import Floats, Reals
 from finloop.base.kernel import kernel
+from finloop.base.parallel import map_row_blocks
 from finloop.edit.schema import FRAME
+
+
+@dataclass(frozen=True)
+class FilmOutlines:
+    """Outlines (n, k, 2) of a film's rows, x, y px as filmed, and what is measured of them.
+
+    Each is measured once, at its first use, as the modes of one film share them. centre_px (n, 2):
+    x, y of the mass centres; heading_rad (n,).
+    """
+
+    outline_px: Reals
+    centre_px: Floats
+    heading_rad: Floats
+
+    @classmethod
+    def from_rows(cls, outline_px: Reals, rows: pd.DataFrame) -> "FilmOutlines":
+        """Return the outlines (n, k, 2) of rows (n) with columns x_px, y_px and heading_deg."""
+        heading = np.radians(rows["heading_deg"].to_numpy(float))
+        return cls(outline_px, rows[["x_px", "y_px"]].to_numpy(float), heading)
+
+    @cached_property
+    def reach_px(self) -> Floats:
+        """Return how far (n,), px as filmed, each outline reaches from the mass centre."""
+
+        def measure_reach(rows: slice) -> Floats:
+            """Return the reach of some rows."""
+            return np.asarray(_reach_from_centre(self.outline_px[rows], self.centre_px[rows]))
+
+        return np.concatenate(map_row_blocks(measure_reach, len(self.centre_px)))
+
+    @cached_property
+    def hulls(self) -> FilmHulls:
+        """Return the convex hulls of all outlines, and of those of the film's halves."""
+        return FilmHulls(self.outline_px)
 
 
 @dataclass(frozen=True)
 class FrameHulls:
     """Outlines (n, k, 2) of a film's frames, px ahead of and to the left of the mass centre.
 
-    They are computed on access: those of a film of hours stay in their file. outline_px (n, k, 2):
-    x, y as filmed; centre_px (n, 2): x, y of the mass centres; heading_rad (n,); scale (n,): drawn
-    size / filmed size.
+    They are computed on access: those of a film of hours stay in their file. filmed: the outlines
+    as filmed; scale (n,): drawn size / filmed size.
     """
 
-    outline_px: Reals
-    centre_px: Floats
-    heading_rad: Floats
+    filmed: FilmOutlines
     scale: Floats
 
     def __len__(self) -> int:
         """Return the number n of frames."""
-        return len(self.centre_px)
+        return len(self.scale)
 
     def __getitem__(self, rows: slice) -> NDArray[np.float32]:
         """Return the outlines (m, k, 2) of a slice of frames."""
-        frames = self.centre_px[rows], self.heading_rad[rows], self.scale[rows]
-        return np.asarray(_to_body_axes(self.outline_px[rows], *frames))
+        film = self.filmed
+        frames = film.centre_px[rows], film.heading_rad[rows], self.scale[rows]
+        return np.asarray(_to_body_axes(film.outline_px[rows], *frames))
 
     @property
     def reach_px(self) -> Floats:
         """Return how far (n,), px as drawn, each outline reaches from the mass centre."""
-        return _reach_from_centre(self.outline_px, self.centre_px) * self.scale
+        return self.filmed.reach_px * self.scale
 
 
 @kernel

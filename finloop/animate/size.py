@@ -1,7 +1,6 @@
 """The size at which a film is drawn, and which of its frames fit into the tank."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +8,8 @@ import pandas as pd
 
 from finloop.animate.arena import choose_fish_area, size_that_fits
 from finloop.animate.settings import AnimateSettings as CommonSettings
-from finloop.animate.silhouettes import FrameHulls
-from finloop.base.arrays import Floats, Mask, Picture, Reals
+from finloop.animate.silhouettes import FilmOutlines, FrameHulls
+from finloop.base.arrays import Floats, Mask, Picture
 from finloop.distance.reel import Reel
 from finloop.sprites.orient import sprite_outlines
 
@@ -31,34 +30,23 @@ class ScaledFilm(NamedTuple):
 
 
 def scale_film(
-    reel: Reel, outlines_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
+    reel: Reel, outlines: FilmOutlines, arena: Mask, p: CommonSettings, floor: Picture | None
 ) -> ScaledFilm:
     """Return the film at the size `p.fish_scale`, or where that is "auto", at one that fits.
 
-    reel: the film's cut-outs and sprites; outlines_px (n, k, 2): x, y as filmed of its rows; arena
-    (h, w): true where fish can be; floor: the empty tank as filmed, None if unknown. Frames that
-    reach farther than most are barred from the animation: see `p.reach_quantile`.
+    reel: the film's cut-outs and sprites; outlines: of its rows; arena (h, w): true where fish can
+    be; floor: the empty tank as filmed, None if unknown. Frames that reach farther than most are
+    barred from the animation: see `p.reach_quantile`.
     """
     scale = (reel.length_px / reel.lengths_px).astype(float)
-    filmed = frame_hulls(outlines_px, reel.features, scale)
+    filmed = FrameHulls(outlines, scale)
     hulls = sprite_outlines(reel) if len(reel.sprites) else []
     reach_px, barred = measure_reach(hulls, filmed, p.reach_quantile)
     size = 1.0 if p.fish_scale == "auto" else p.fish_scale
-    area = choose_fish_area(arena, outlines_px, size * reach_px, p.tank, floor)
+    area = choose_fish_area(arena, outlines.hulls, size * reach_px, p.tank, floor)
     size = size_that_fits(area, reach_px) if p.fish_scale == "auto" else size
-    hulls_at_size = replace(filmed, scale=size * scale)
-    return ScaledFilm(reel.scale_to(size), hulls_at_size, area, size * reach_px, barred)
-
-
-def frame_hulls(outlines_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
-    """Return the outlines of the film's frames about their mass centre.
-
-    outlines_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
-    drawn size / filmed size.
-    """
-    centre = places[["x_px", "y_px"]].to_numpy(float)
-    heading = np.radians(places["heading_deg"].to_numpy(float))
-    return FrameHulls(outlines_px, centre, heading, scale)
+    drawn = FrameHulls(outlines, size * scale)
+    return ScaledFilm(reel.scale_to(size), drawn, area, size * reach_px, barred)
 
 
 def measure_reach(

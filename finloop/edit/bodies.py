@@ -4,24 +4,22 @@ A sprite is a row of the film that was turned and perhaps mirrored. A frame may 
 the line through its mass centre along its heading.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask
+from finloop.base.parallel import map_row_blocks
 from finloop.edit.schema import FRAME, RowPicture
 from finloop.features.table import count_orientations, orientation_heading_deg, wrap_deg
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
 
 Rows = NDArray[np.intp]
-_BATCH = 10_000  # rows whose movement is measured at a time, to save memory
 
 
 class Body(NamedTuple):
@@ -50,13 +48,13 @@ class Movement(NamedTuple):
 def measure_movement(pose: Pose) -> Movement:
     """Return how far the body turns and bends from each of n poses to the next."""
 
-    def measure_movement_from(first: int) -> Floats:
+    def measure_movement_from(rows: slice) -> Floats:
         """Return how far the backbone moves from each of k rows to the row after it, (2, k).
 
         First by turning and bending together, then by bending alone, as in `Movement`. Root mean
-        square over the backbone's points, body lengths. The k rows: up to _BATCH from `first`.
+        square over the backbone's points, body lengths.
         """
-        batch = pose[first : first + _BATCH + 1]
+        batch = pose[rows.start : rows.stop + 1]
         # The backbones about their centres, headed right, a body length long; y points down.
         lines = batch.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
         turn = np.diff(batch.heading_rad)[:, None]
@@ -64,8 +62,7 @@ def measure_movement(pose: Pose) -> Movement:
         turned = np.stack([x * cos + y * sin, y * cos - x * sin], -1)
         return np.sqrt(((np.stack([turned, lines[1:]]) - lines[:-1]) ** 2).sum(-1).mean(-1))
 
-    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
-        batches = list(pool.map(measure_movement_from, range(0, len(pose) - 1, _BATCH)))
+    batches = map_row_blocks(measure_movement_from, len(pose) - 1)
     return Movement(*np.concatenate([np.empty((2, 0)), *batches], axis=1))
 
 

@@ -1,4 +1,4 @@
-"""The animator of a mode, which plans animations, and what the paper's modes share of a film."""
+"""The animator of a mode, which plans animations, and what all modes share of a film."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,15 +9,15 @@ import pandas as pd
 
 from finloop.animate.arena import make_tank, place_goals
 from finloop.animate.company import Plans
-from finloop.animate.motion import learn_motion
+from finloop.animate.motion import MotionStatistics
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.settings import AnimateSettings
 from finloop.animate.shoal import SwimTask, animate_group, settle_fish
-from finloop.animate.silhouettes import Silhouettes
+from finloop.animate.silhouettes import FilmOutlines, Silhouettes
 from finloop.animate.size import ScaledFilm, head_ahead_px, scale_film
 from finloop.animate.world import World
-from finloop.base.arrays import Mask, Picture, Reals
+from finloop.base.arrays import Mask, Picture
 from finloop.distance.map import MapFacts
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
@@ -26,7 +26,6 @@ from finloop.edit.joins import resolve_join_rules
 from finloop.edit.pictures import Pictures, remove_ghost_fades
 from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
-from finloop.features.table import infer_delta_frames
 from finloop.loops.graph import build_loop_graph
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites
@@ -36,23 +35,28 @@ from finloop.sprites.orient import sprite_outlines
 
 
 class FilmData(NamedTuple):
-    """What the paper's modes take from a film of n rows.
+    """What all modes take from a film of n rows.
 
-    rate_hz: frames per second; arena (h, w): true where fish can be; floor: the empty tank as
-    filmed, None if unknown; reel: the film's pictures, with sprites for a mode that shows them;
-    outline_px (n, k, 2): x, y as filmed of each animal's outline; poses: of the rows; map_facts:
-    size, pose and median step of the distance map; steps: Euclidean distances (Eq. 5) between
-    successive pictures, columns of `STEPS`.
+    motion: what the film teaches of swimming, as filmed; arena (h, w): true where fish can be;
+    floor: the empty tank as filmed, None if unknown; reel: the film's pictures, with sprites for a
+    mode that shows them; outlines, poses: of the rows; map_facts: size, pose and median step of the
+    distance map; steps: Euclidean distances (Eq. 5) between successive pictures, columns of
+    `STEPS`.
     """
 
-    rate_hz: float
+    motion: MotionStatistics
     arena: Mask
     floor: Picture | None
     reel: Reel
-    outline_px: Reals
+    outlines: FilmOutlines
     poses: FilmPoses
     map_facts: MapFacts
     steps: pd.DataFrame
+
+    @property
+    def natural_step(self) -> float:
+        """Return the median distance between successive pictures, both turned to head right."""
+        return float(self.steps["headed"].median())
 
 
 @dataclass(frozen=True)
@@ -146,68 +150,69 @@ class Animator:
 
 
 class ModeAssets(NamedTuple):
-    """What the paper's modes share: film at its drawn size (sized), tank, pictures, outlines."""
+    """What all modes share of a film: it at its drawn size (scaled), tank, pictures, outlines."""
 
-    sized: ScaledFilm
+    film_data: FilmData
+    scaled: ScaledFilm
     world: World
     pictures: Pictures
     silhouettes: Silhouettes
 
 
 def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
-    """Return what the paper's modes share: film at its drawn size, tank, pictures, outlines.
+    """Return what all modes share of a film: it at its drawn size, tank, pictures, outlines.
 
     film_data: what is taken from the film; p: the group `animate` of the parameters.
     """
-    sized = scale_film(film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor)
-    reel = sized.reel
-    delta = infer_delta_frames(reel.features)
-    motion = learn_motion(reel.features, film_data.rate_hz, delta).scale_to(reel.scale)
+    scaled = scale_film(film_data.reel, film_data.outlines, film_data.arena, p, film_data.floor)
+    reel = scaled.reel
+    motion = film_data.motion.scale_to(reel.scale)
     world = World(
-        make_tank(sized.area, sized.reach_px),
+        make_tank(scaled.area, scaled.reach_px),
         motion,
         touch_px=p.goal_radius_bl * motion.body_length_px,
         head_px=head_ahead_px(reel.features, reel.scale),
     )
-    pictures = Pictures(
-        reel, film_data.map_facts.size, Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
-    )
+    bodies = Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
+    pictures = Pictures(reel, film_data.map_facts.size, bodies)
     hulls = sprite_outlines(reel) if len(reel.sprites) else []
-    return ModeAssets(sized, world, pictures, Silhouettes(reel.sprites, hulls, sized.hulls))
+    silhouettes = Silhouettes(reel.sprites, hulls, scaled.hulls)
+    return ModeAssets(film_data, scaled, world, pictures, silhouettes)
 
 
 NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
 
 
-def video_loop_graph(film_data: FilmData, assets: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
+def video_loop_graph(assets: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
     """Return the motion graph of the film, whose only jumps are those of its video loops.
 
-    film_data: what is taken from the film; assets: what the modes share; loops: rows a, b and
-    distance of each loop.
+    assets: what the modes share; loops: rows a, b and distance of each loop.
     """
-    features = assets.sized.reel.features
+    features, map_facts = assets.scaled.reel.features, assets.film_data.map_facts
     n, track = len(features), features["track_id"].to_numpy()
     jumps = Jumps(  # none
         np.full(n, -1, np.int32), start=np.zeros(1, np.int32), to=np.zeros(0, np.int32),
         seam=np.zeros(0),
     )  # fmt: skip
     if len(loops):
-        jumps = loop_jumps(build_loop_graph(loops, track), n, film_data.map_facts.step_median)
-    pose, barred = film_data.map_facts.pose, assets.sized.barred
-    return motion_graph(features, jumps, assets.world.motion, pose, barred, rarity_sum=np.zeros(n))
+        jumps = loop_jumps(build_loop_graph(loops, track), n, map_facts.step_median)
+    return motion_graph(
+        features, jumps, assets.world.motion, map_facts.pose, assets.scaled.barred,
+        rarity_sum=np.zeros(n),
+    )  # fmt: skip
 
 
 def make_animator(
-    film_data: FilmData, assets: ModeAssets, mode: PaperMode, film: MotionGraph,
-    sprites: Sprites | None, p: AnimateSettings, join: str,
+    assets: ModeAssets, mode: PaperMode, film: MotionGraph, sprites: Sprites | None,
+    p: AnimateSettings, join: str,
 ) -> Animator:  # fmt: skip
     """Return the animator of a mode of the paper.
 
-    mode: its flow chart; film: motion graph of its rows; sprites: None in a mode without sprites;
-    p: the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
+    assets: what the modes share; mode: its flow chart; film: motion graph of its rows; sprites:
+    None in a mode without sprites; p: the group `animate`; join: how pictures are joined, "fade",
+    "inertial" or "cut".
     """
     delta, bending = assets.world.motion.delta, assets.pictures.bending_improves_match
     joins = resolve_join_rules(p, join, assets.pictures.bodies, delta, bending)
     player = PaperPlayer(mode, assets.world, film, sprites, assets.silhouettes, joins)
-    natural_step = float(film_data.steps["headed"].median())
-    return Animator(player, assets.pictures, natural_step, p)
+    return Animator(player, assets.pictures, assets.film_data.natural_step, p)

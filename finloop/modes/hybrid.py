@@ -19,7 +19,7 @@ from finloop.edit.schema import ENTER, NO_WAY, PHASE, SLIDE, STRAIGHT
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import find_orientations, wrap_deg
 from finloop.loops.settings import LoopsSettings
-from finloop.modes.animator import Animator, FilmData, make_animator, prepare_mode_assets
+from finloop.modes.animator import Animator, ModeAssets, make_animator
 from finloop.modes.hybrid_settings import HybridSettings
 from finloop.modes.loops import (
     Loops,
@@ -221,20 +221,19 @@ class Hybrid:
 
 
 def hybrid_animator(
-    film_data: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
+    assets: ModeAssets, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
     p: CommonSettings, network_settings: NetworkSettings, loops_settings: LoopsSettings,
     hybrid_settings: HybridSettings,
 ) -> Animator:  # fmt: skip
     """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, of `network`.
 
-    film_data: what is taken from the film; model: the trained network; loops: rows a, b and
+    assets: what the modes share, with sprites; model: the trained network; loops: rows a, b and
     distance of each loop; gateways: columns of `GATEWAYS`; p: the group `animate`.
     """
-    assets = prepare_mode_assets(film_data, p)
-    network, sprites = make_network(film_data, assets, model, network_settings)
-    loop_mode = make_loops(film_data, assets, loops, loops_settings)
-    sorted_gateways = Gateways(gateways, film_data.map_facts.step_median, loop_mode)
+    network, sprites = make_network(assets, model, network_settings)
+    loop_mode = make_loops(assets, loops, loops_settings)
+    sorted_gateways = Gateways(gateways, assets.film_data.map_facts.step_median, loop_mode)
     mode: PaperMode = Hybrid(network, loop_mode, sorted_gateways)
     if not (loop_mode.can_play and sorted_gateways.into and sorted_gateways.out_of):
         mode = network
-    return make_animator(film_data, assets, mode, loop_mode.film, sprites, p, hybrid_settings.join)
+    return make_animator(assets, mode, loop_mode.film, sprites, p, hybrid_settings.join)

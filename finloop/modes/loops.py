@@ -27,14 +27,7 @@ from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant_of_displacement
 from finloop.loops.settings import LoopsSettings
-from finloop.modes.animator import (
-    Animator,
-    FilmData,
-    ModeAssets,
-    make_animator,
-    prepare_mode_assets,
-    video_loop_graph,
-)
+from finloop.modes.animator import Animator, ModeAssets, make_animator, video_loop_graph
 from finloop.modes.matching import NothingToUse
 from finloop.plan.graph import MotionGraph, random_fish_in_film
 from finloop.plan.search import Candidates, film_candidates, make_candidates
@@ -354,18 +347,17 @@ def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore
 
 
 def loops_animator(
-    film_data: FilmData, loops: pd.DataFrame, p: CommonSettings, q: LoopsSettings
+    assets: ModeAssets, loops: pd.DataFrame, p: CommonSettings, q: LoopsSettings
 ) -> Animator:
     """Return the animator of mode `loops` (Figs. 10-13); NothingToUse if the film has no loops.
 
-    film_data: what is taken from the film; loops: rows a, b and distance of each loop; p: the group
+    assets: what the modes share; loops: rows a, b and distance of each loop; p: the group
     `animate`.
     """
-    assets = prepare_mode_assets(film_data, p)
-    mode = make_loops(film_data, assets, loops, q)
+    mode = make_loops(assets, loops, q)
     if not mode.can_play:
         raise no_loops_error("loops")
-    return make_animator(film_data, assets, mode, mode.film, None, p, q.join)
+    return make_animator(assets, mode, mode.film, None, p, q.join)
 
 
 def no_loops_error(mode: str) -> NothingToUse:
@@ -378,12 +370,9 @@ def no_loops_error(mode: str) -> NothingToUse:
     )
 
 
-def make_loops(
-    film_data: FilmData, assets: ModeAssets, loop_table: pd.DataFrame, q: LoopsSettings
-) -> Loops:
+def make_loops(assets: ModeAssets, loop_table: pd.DataFrame, q: LoopsSettings) -> Loops:
     """Return the flow chart of mode `loops` for a film.
 
-    film_data: what is taken from the film; assets: what the modes share; loop_table: rows a, b and
-    distance of each loop.
+    assets: what the modes share; loop_table: rows a, b and distance of each loop.
     """
-    return Loops(assets.world, video_loop_graph(film_data, assets, loop_table), q)
+    return Loops(assets.world, video_loop_graph(assets, loop_table), q)

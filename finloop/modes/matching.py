@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import make_tank
-from finloop.animate.motion import learn_motion
 from finloop.animate.paths import Path, lay_path
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import (
@@ -17,28 +15,22 @@ from finloop.animate.shoal import (
     make_tasks,
     refuse_shared_goals,
 )
-from finloop.animate.silhouettes import Silhouettes
-from finloop.animate.size import head_ahead_px, scale_film
-from finloop.base.arrays import Ints, Mask, Picture, Reals
+from finloop.base.arrays import Ints
 from finloop.base.errors import FinloopError
 from finloop.base.line import Line
-from finloop.distance.map import MapFacts, find_map_rows
+from finloop.distance.map import find_map_rows
 from finloop.distance.picture import BODY
-from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.joins import JoinRules, resolve_join_rules
-from finloop.edit.pictures import Pictures
 from finloop.edit.schema import Goal
-from finloop.features.table import infer_delta_frames
 from finloop.forecast.sampling import Sampler
-from finloop.modes.animator import Animator
+from finloop.modes.animator import Animator, FilmData, ModeAssets
 from finloop.plan.cost import Rarity
 from finloop.plan.graph import motion_graph, neighbour_jumps, remove_dead_ends
 from finloop.plan.matching_settings import AllSettings
 from finloop.plan.planner import Planner
 from finloop.plan.sources import FilmSource, PredictionSource
 from finloop.plan.world import FilmWorld, learn_fast_fish
-from finloop.pose.film import FilmPoses
 from finloop.social.leader import leaders_by_follower
 from finloop.social.rule import SchoolRule, require_rule
 
@@ -48,28 +40,18 @@ NO_SPRITES: Ints = np.zeros(0, np.intp)
 class MatchingData(NamedTuple):
     """What mode `matching` takes from a film of n rows; None where something is unknown.
 
-    rate_hz: frames per second; arena (h, w): true where fish can be; reel: the film's pictures;
-    outline_px (n, k, 2): x, y as filmed; map_facts: size, pose and median step of the distance map;
-    steps: distances between successive pictures, columns of `STEPS`; jumps: columns of `JUMPS`;
-    poses: of the rows; forecast: the sampler of predictions, None where the film shows too little
-    for one; lines: the path of each of the first fish, None for a fish without one; shoaling: how
-    fish swim by zones; floor: the empty tank as filmed; sprite_rows (s,): the film's row behind
-    each sprite, from which a fish of another mode goes on.
+    assets: what the modes share; jumps: columns of `JUMPS`; forecast: the sampler of predictions,
+    None where the film shows too little for one; lines: the path of each of the first fish, None
+    for a fish without one; shoaling: how fish swim by zones; sprite_rows (s,): the film's row
+    behind each sprite, from which a fish of another mode goes on.
     """
 
-    rate_hz: float
-    arena: Mask
-    reel: Reel
-    outline_px: Reals
-    map_facts: MapFacts
-    steps: pd.DataFrame
+    assets: ModeAssets
     jumps: pd.DataFrame
-    poses: FilmPoses
     forecast: Sampler | None = None
     lines: Sequence[Line | None] = ()
     mm_per_px: float | None = None
     shoaling: SchoolRule | None = None
-    floor: Picture | None = None
     sprite_rows: Ints = NO_SPRITES
 
 
@@ -161,15 +143,10 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     film_data: what is taken from the film; p: the groups `animate` and `matching` of the
     parameters. NothingToUse where the film shows too little for what `matching.uses` names.
     """
-    scaled = scale_film(film_data.reel, film_data.outline_px, film_data.arena, p, film_data.floor)
-    reel, features, rate_hz = scaled.reel, scaled.reel.features, film_data.rate_hz
-    delta = infer_delta_frames(features)
-    motion = learn_motion(features, rate_hz, delta).scale_to(reel.scale)
-    bodies = Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
-    pictures = Pictures(reel, film_data.map_facts.size, bodies)
-    silhouettes = Silhouettes(reel.sprites, [], scaled.hulls)
+    film, scaled, common, pictures, silhouettes = film_data.assets
+    features, motion, bodies = scaled.reel.features, common.motion, pictures.bodies
     joins = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_improves_match)
-    rarity = _film_rarity(film_data, features, bodies, joins, p.rarity_weight)
+    rarity = _film_rarity(film, features, bodies, joins, p.rarity_weight)
     barred = scaled.barred.copy()
     for line in film_data.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
@@ -177,10 +154,9 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     jumps = neighbour_jumps(film_data.jumps, len(features))
     graph = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
     world = FilmWorld(
-        make_tank(scaled.area, scaled.reach_px), motion,
-        touch_px=p.goal_radius_bl * motion.body_length_px,
-        head_px=head_ahead_px(features, reel.scale), film=graph,
-        brisk=learn_fast_fish(features, rate_hz, delta, p), settings=p, discs=silhouettes.discs,
+        common.tank, motion, common.touch_px, common.head_px, film=graph,
+        brisk=learn_fast_fish(features, motion.rate_hz, motion.delta, p), settings=p,
+        discs=silhouettes.discs,
     )  # fmt: skip
     film_source, prediction_source = _motion_sources(world, film_data.forecast, rarity, joins)
     player = Planner(
@@ -191,12 +167,11 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
         None if line is None else lay_path(line, world.tank, motion, film_data.mm_per_px)
         for line in film_data.lines
     )
-    natural_step = float(film_data.steps["headed"].median())
-    return MatchingAnimator(player, pictures, natural_step, p, scaled.reach_px, paths)
+    return MatchingAnimator(player, pictures, film.natural_step, p, scaled.reach_px, paths)
 
 
 def _film_rarity(
-    film_data: MatchingData, features: pd.DataFrame, bodies: Bodies, joins: JoinRules, weight: float
+    film_data: FilmData, features: pd.DataFrame, bodies: Bodies, joins: JoinRules, weight: float
 ) -> Rarity:
     """Return the cost of the film's steps: seldom ones cost more.
 

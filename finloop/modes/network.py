@@ -34,10 +34,8 @@ from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.modes.animator import (
     NO_LOOPS,
     Animator,
-    FilmData,
     ModeAssets,
     make_animator,
-    prepare_mode_assets,
     video_loop_graph,
 )
 from finloop.modes.network_settings import NetworkSettings
@@ -338,30 +336,26 @@ class Network:
 
 
 def network_animator(
-    film_data: FilmData, model: MotionModel, p: CommonSettings, q: NetworkSettings
+    assets: ModeAssets, model: MotionModel, p: CommonSettings, q: NetworkSettings
 ) -> Animator:
     """Return the animator of mode `network` (Fig. 18).
 
-    film_data: what is taken from the film; model: the trained network; p, q: the groups `animate`
-    and `network` of the parameters.
+    assets: what the modes share, with sprites; model: the trained network; p, q: the groups
+    `animate` and `network` of the parameters.
     """
-    assets = prepare_mode_assets(film_data, p)
-    mode, sprites = make_network(film_data, assets, model, q)
-    return make_animator(
-        film_data, assets, mode, video_loop_graph(film_data, assets, NO_LOOPS), sprites, p, q.join
-    )
+    mode, sprites = make_network(assets, model, q)
+    return make_animator(assets, mode, video_loop_graph(assets, NO_LOOPS), sprites, p, q.join)
 
 
 def make_network(
-    film_data: FilmData, assets: ModeAssets, model: MotionModel, q: NetworkSettings
+    assets: ModeAssets, model: MotionModel, q: NetworkSettings
 ) -> tuple[Network, Sprites]:
     """Return the flow chart of mode `network` for a film, and its sprites.
 
-    film_data: what is taken from the film; assets: what the modes share; model: the trained
-    network.
+    assets: what the modes share, with sprites; model: the trained network.
     """
     pictures, motion = assets.pictures, assets.world.motion
     pose_distances = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
     sprites = make_sprites(assets.silhouettes.sprites, pose_distances, motion.rate_hz)
-    phases = learn_phases(assets.sized.reel.features, film_data.rate_hz, motion.delta, q)
+    phases = learn_phases(assets.scaled.reel.features, motion.rate_hz, motion.delta, q)
     return Network(assets.world, sprites, phases, model, q), sprites

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import connected_components
 
 from finloop.animate.arena import Tank
 from finloop.animate.kinematics import wrap
@@ -310,13 +310,37 @@ def _lead_to_largest_component(shown: Mask, start: Ints, to: Similar) -> Mask:
     is_followed = shown[:-1] & shown[1:]
     start, to = filter_edges(shown, is_followed, start, to)
     rows = np.flatnonzero(is_followed)
-    plays_on = csr_array((np.ones(len(rows), np.int8), (rows, rows + 1)), shape=(m, m))
-    graph = csr_array((np.ones(len(to), np.int8), to + 1, start), shape=(m, m)) + plays_on
+    # The first edge of a row that is followed leads to the next row. SciPy takes float64 and int32
+    # as they are, without a copy.
+    first_edge = np.append(0, np.cumsum(np.diff(start) + is_followed)).astype(np.int32)
+    plays_on = np.zeros(first_edge[-1], bool)
+    plays_on[first_edge[rows]] = True
+    next_rows = np.empty(len(plays_on), np.int32)
+    next_rows[plays_on], next_rows[~plays_on] = rows + 1, to + 1
+    graph = csr_array((np.ones(len(next_rows)), next_rows, first_edge), shape=(m, m))
     component = connected_components(graph, connection="strong")[1]
-    in_largest = int(np.argmax(component == np.bincount(component).argmax()))
-    leads = np.zeros(m, bool)
-    leads[breadth_first_order(graph.T, in_largest, return_predecessors=False)] = True
+    leads = np.asarray(component == np.bincount(component).argmax())
+    _mark_rows_that_lead(leads, first_edge, next_rows)
     return leads
+
+
+@kernel
+def _mark_rows_that_lead(marked, first_edge, to):  # type: ignore[no-untyped-def]
+    """Mark the rows that lead to marked rows, too. marked (m,): changed in place.
+
+    Row k leads to rows `to[first_edge[k]:first_edge[k + 1]]`. Rows are swept from the last to the
+    first, as most lead to the next one, until nothing changes.
+    """
+    has_changed = True
+    while has_changed:
+        has_changed = False
+        for row in range(len(marked) - 1, -1, -1):
+            if marked[row]:
+                continue
+            for edge in range(first_edge[row], first_edge[row + 1]):
+                if marked[to[edge]]:
+                    marked[row] = has_changed = True
+                    break
 
 
 def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[Ints, Similar]:

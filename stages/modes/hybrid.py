@@ -5,14 +5,14 @@ from stages.run import run  # isort: skip  (before numpy)
 from finloop.modes.animator import Animator
 from finloop.modes.hybrid import hybrid_animator
 from finloop.project import Project
-from stages.animation import load_film_data, write_animation
+from stages.animation import write_animation
 
 
 def open_mode(project: Project) -> Animator:
     """Return the animator of mode `hybrid`; without loops or gateways, that of `network`."""
-    data, settings = load_film_data(project, project.reel), project.settings
+    settings = project.settings
     return hybrid_animator(
-        data, project.motion_network, project.loops, project.gateways,
+        project.sprite_assets, project.motion_network, project.loops, project.gateways,
         settings("animate"), settings("network"), settings("loops"), settings("hybrid"),
     )  # fmt: skip
 

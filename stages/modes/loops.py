@@ -5,13 +5,13 @@ from stages.run import run  # isort: skip  (before numpy)
 from finloop.modes.animator import Animator
 from finloop.modes.loops import loops_animator
 from finloop.project import Project
-from stages.animation import load_film_data, write_animation
+from stages.animation import write_animation
 
 
 def open_mode(project: Project) -> Animator:
     """Return the animator of mode `loops`; raise NothingToUse if the film has no loops."""
-    data, settings = load_film_data(project, project.film_reel), project.settings
-    return loops_animator(data, project.loops, settings("animate"), settings("loops"))
+    assets, loops, settings = project.film_assets, project.loops, project.settings
+    return loops_animator(assets, loops, settings("animate"), settings("loops"))
 
 
 def main() -> None:

@@ -29,10 +29,9 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
     """
     common, matching = project.settings("animate"), project.settings("matching")
     data = MatchingData(
-        project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
-        project.step_distances, project.jumps, project.poses, project.forecast_sampler,
+        project.film_assets, project.jumps, project.forecast_sampler,
         load_path_lines(matching, project.features), project.facts.mm_per_px, project.school_rule,
-        project.background, sprite_rows,
+        sprite_rows,
     )  # fmt: skip
     return matching_animator(data, merge_settings(common, matching))
 

@@ -5,13 +5,13 @@ from stages.run import run  # isort: skip  (before numpy)
 from finloop.modes.animator import Animator
 from finloop.modes.network import network_animator
 from finloop.project import Project
-from stages.animation import load_film_data, write_animation
+from stages.animation import write_animation
 
 
 def open_mode(project: Project) -> Animator:
     """Return the animator of mode `network`, with the results of earlier stages."""
-    data, settings = load_film_data(project, project.reel), project.settings
-    return network_animator(data, project.motion_network, settings("animate"), settings("network"))
+    assets, model, settings = project.sprite_assets, project.motion_network, project.settings
+    return network_animator(assets, model, settings("animate"), settings("network"))
 
 
 def main() -> None:
