@@ -2,6 +2,7 @@
 
 from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -297,17 +298,12 @@ def main() -> None:
             "tracks_rms_gamma_median_pct": float(tracks["rms_gamma_pct"].median()),
             "tracks_rms_linear_median_pct": float(tracks["rms_linear_pct"].median()),
         }
-        tables = {film: _gamma_table(film, fit.gait) for film, fit in fits.items()}
+        gammas = {film: _gamma_table(film, fit.gait) for film, fit in fits.items()}
         if p.limbs == "dog":
-            _fill_in_reference_gammas(_dog_film(p), tables["limbs"], p)
-            numbers |= _gamma_errors(tables["limbs"])
-        for film, fit in fits.items():
-            names = ("frequency_hz", "confidence", "cycles")
-            facts = {name: getattr(fit.gait, name) for name in names} | fit.rms()
-            numbers |= {f"{film}_{name}": value for name, value in facts.items()}
-            save_json(folder / f"{film}.json", gait_to_record(fit.gait), indent=1)
-            with whole_folder(FIGURES / film) as figures_of_film:
-                _draw_figures(fit, figures_of_film, pictures if film == "limbs" else None)
+            _fill_in_reference_gammas(_dog_film(p), gammas["limbs"], p)
+            numbers |= _gamma_errors(gammas["limbs"])
+        save_csv(folder / "gamma.csv", pd.concat(gammas.values(), ignore_index=True), decimals=4)
+        numbers |= _save_fits(folder, fits, pictures)
         if swimmer is None:
             print("gait: no track of the clip has an outline that repeats: see tracks.csv")
         with report_progress("gait", 2, "drawings") as advance:
@@ -315,11 +311,29 @@ def main() -> None:
             advance()
             numbers |= _animate_drawing("fish", p.swimmer_drawings, fish, p, folder)
             advance()
-        save_csv(folder / "gamma.csv", pd.concat(tables.values(), ignore_index=True), decimals=4)
-        for name in ("by_contour", "by_scale"):
-            parts = [getattr(fit.errors, name).assign(film=film) for film, fit in fits.items()]
-            save_csv(folder / f"{name}.csv", pd.concat(parts, ignore_index=True), decimals=5)
     save_metrics(REPORT / "metrics.json", numbers)
+
+
+def _save_fits(
+    folder: Path, fits: Mapping[str, GaitFit], pictures: CyclePictures | None
+) -> dict[str, float]:
+    """Write fitted gaits and their errors to `folder`, and their figures; return metrics by name.
+
+    fits: by the name of the film, "limbs" or "outline". pictures: of a cycle of the limbs, for
+    their Fig. 8; None = it shows the contours.
+    """
+    numbers: dict[str, float] = {}
+    for film, fit in fits.items():
+        names = ("frequency_hz", "confidence", "cycles")
+        facts = {name: getattr(fit.gait, name) for name in names} | fit.rms()
+        numbers |= {f"{film}_{name}": value for name, value in facts.items()}
+        save_json(folder / f"{film}.json", gait_to_record(fit.gait), indent=1)
+        with whole_folder(FIGURES / film) as figures_of_film:
+            _draw_figures(fit, figures_of_film, pictures if film == "limbs" else None)
+    for name in ("by_contour", "by_scale"):
+        parts = [getattr(fit.errors, name).assign(film=film) for film, fit in fits.items()]
+        save_csv(folder / f"{name}.csv", pd.concat(parts, ignore_index=True), decimals=5)
+    return numbers
 
 
 if __name__ == "__main__":

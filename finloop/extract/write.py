@@ -83,13 +83,8 @@ def extract_tracks(
     """
     facts = load_facts(clip / FACTS_NAME)
     external_tracks = load_external_tracks(clip, facts, p) if p.tracks_path else None
-    mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
-    arena = mask.astype(np.uint8) * 255
-    frames = load_sample_frames(clip / CLIP_NAME, facts, p.samples)
-    scene, typical = measure_scene_and_fish(frames, arena, p, Threads(THREADS))
-    detector = film.Detector(arena, typical, p)
-    every = math.ceil(len(frames) / _LOOKED_AT)
-    sample = [detector(frame, scene) for frame in frames[::every]]
+    scene, detector, sample = _measure_clip(clip, facts, p)
+    typical = detector.typical
     _refuse_small_disk(folder, facts.frames, sample, pieces)
     linker, agreement = None, None
     if external_tracks:
@@ -131,6 +126,23 @@ def extract_tracks(
         save_external_tracks(folder, external_tracks, p.points)
         external_metrics = linker.metrics(agreement)
     return Extraction(scene_facts, verdicts, lengths, external_metrics, lost)
+
+
+def _measure_clip(
+    clip: Path, facts: VideoFacts, p: ExtractSettings
+) -> tuple[Scene, film.Detector, list[film.Detections]]:
+    """Return a clip's scene, the detector of its fish, and what this finds in some sample frames.
+
+    clip: its folder; facts: about it. UndecodableError if no frame can be decoded, FinloopError if
+    no fish is found.
+    """
+    mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
+    arena = mask.astype(np.uint8) * 255
+    frames = load_sample_frames(clip / CLIP_NAME, facts, p.samples)
+    scene, typical = measure_scene_and_fish(frames, arena, p, Threads(THREADS))
+    detector = film.Detector(arena, typical, p)
+    every = math.ceil(len(frames) / _LOOKED_AT)
+    return scene, detector, [detector(frame, scene) for frame in frames[::every]]
 
 
 def _scene_facts(scene: Scene, typical: TypicalFish, points: int) -> SceneFacts:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
+from finloop.base.arrays import Floats, Mask
 from finloop.base.finding import Finding
 from finloop.base.schema import lists_to_points
 from finloop.features.area import interpolate_lines
@@ -160,16 +161,8 @@ def compare_with_truth(
     fish = features.iloc[fish_rows].reset_index(drop=True)
     true = truth.iloc[true_rows].reset_index(drop=True)
     length = true["body_length_px"].to_numpy(float)
-    # Backbones, at as many places along the true ones as were measured.
-    true_lines = lists_to_points(true, "backbone")
-    places = np.linspace(0, true_lines.shape[1] - 1, backbones.shape[1])
-    true_lines = interpolate_lines(true_lines, places)
-    lines = backbones[fish_rows]
-    distance = _mean_line_distance(lines, true_lines)
-    swapped_distance = _mean_line_distance(lines[:, ::-1], true_lines)
-    swapped = distance > swapped_distance
-    backbone_error = np.minimum(distance, swapped_distance) / length
-    # Places, headings, tracks and types, row by row.
+    distance_px, swapped = _compare_backbones(backbones[fish_rows], true)
+    backbone_error = distance_px / length
     centre = np.hypot(fish["x_px"] - true["x_px"], fish["y_px"] - true["y_px"])
     heading_error = np.abs(wrap_deg(fish["heading_deg"] - true["heading_deg"]))
     fish_length = fish["body_length_px"].to_numpy(float)
@@ -233,6 +226,20 @@ def compare_heads_with_external(
 def _mean_line_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the mean distance (rows,) between the points of lines a and b, both (rows, n, 2)."""
     return np.hypot(*(a - b).transpose(2, 0, 1)).mean(1)
+
+
+def _compare_backbones(backbones: np.ndarray, true: pd.DataFrame) -> tuple[Floats, Mask]:
+    """Return how far (k,) [px] k backbones are from the true ones, and which run tail to head.
+
+    A distance is the mean over the points, at equal shares of the length; a backbone that is nearer
+    the other way round is turned first. backbones (k, n, 2): px; true: rows of the truth.
+    """
+    true_lines = lists_to_points(true, "backbone")
+    places = np.linspace(0, true_lines.shape[1] - 1, backbones.shape[1])
+    true_lines = interpolate_lines(true_lines, places)
+    distance = _mean_line_distance(backbones, true_lines)
+    swapped_distance = _mean_line_distance(backbones[:, ::-1], true_lines)
+    return np.minimum(distance, swapped_distance), distance > swapped_distance
 
 
 def _pair_with_truth(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:

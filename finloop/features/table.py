@@ -145,14 +145,14 @@ def measure_features(
     if delta_s == "auto":
         delta_s = measure_delta_s([bend[rows] for rows in rows_of_tracks], rate_hz)
     delta = delta_in_frames(delta_s, rate_hz)
-    limits = choose_turn_thresholds(heading, bend, rows_of_tracks, delta, settings)
+    thresholds = choose_turn_thresholds(heading, bend, rows_of_tracks, delta, settings)
     types = []
     for rows in rows_of_tracks:
         turn_deg = heading_change(heading[rows], delta)
         types.append(
-            classify_swimming_types(turn_deg, bend[rows], limits, settings.turn_end_threshold)
+            classify_swimming_types(turn_deg, bend[rows], thresholds, settings.turn_end_threshold)
         )
-    current = settings.water_current_bl_s
+    current = settings.water_current_bl_s  # of the water, against which animals may swim
     if current == "auto":
         tail_px = to_body_axes(backbone[:, -1] - backbone[:, 0], np.radians(heading))[:, 1]
         current = measure_current(

@@ -59,17 +59,7 @@ def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = N
     `Period.why` and `require_periodic`.
     """
     signal = np.asarray(signal, np.float64)
-    if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
-        raise FinloopError(
-            f"a motion of shape {signal.shape}, "
-            f"{np.count_nonzero(~np.isfinite(signal))} of its values not numbers",
-            "coordinates (frames, k) with at least one complete frame",
-            "pass one row of coordinates per frame, NaN where the frame shows nothing",
-        )
-    if not 0 < frame_rate_hz < np.inf:
-        raise FinloopError(
-            f"a frame rate of {frame_rate_hz:g} Hz", "a positive number", "pass the film's rate"
-        )
+    _refuse_unusable_signal(signal, frame_rate_hz)
     complete_rows = np.asarray(np.isfinite(signal).all(axis=1))
     frames = len(signal)
     if frames < LEAST_FRAMES:
@@ -91,11 +81,33 @@ def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = N
     if not period.cycles:
         return replace(period, why=_explain_missing_period(modes, explained_share, period.why))
     if extreme is None:
-        # A principal mode may have either sign; this one is the same for every film of a motion.
-        complete = signal[complete_rows]
-        mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
-        extreme = modes[:, 0] * np.sign(mode[np.abs(mode).argmax()])
+        extreme = _signed_main_mode(modes, signal[complete_rows])
     return set_phase_zero(period, np.asarray(extreme, float))
+
+
+def _refuse_unusable_signal(signal: Floats, frame_rate_hz: float) -> None:
+    """Raise FinloopError if a signal is not (frames, k) or never complete, or the rate not > 0."""
+    if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
+        raise FinloopError(
+            f"a motion of shape {signal.shape}, "
+            f"{np.count_nonzero(~np.isfinite(signal))} of its values not numbers",
+            "coordinates (frames, k) with at least one complete frame",
+            "pass one row of coordinates per frame, NaN where the frame shows nothing",
+        )
+    if not 0 < frame_rate_hz < np.inf:
+        raise FinloopError(
+            f"a frame rate of {frame_rate_hz:g} Hz", "a positive number", "pass the film's rate"
+        )
+
+
+def _signed_main_mode(modes: Floats, complete: Floats) -> Floats:
+    """Return the strongest mode (frames,), signed so that its largest coordinate is positive.
+
+    modes (frames, m): scores of the principal modes, whose signs are arbitrary; complete (c, k):
+    the frames with all coordinates.
+    """
+    mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
+    return np.asarray(modes[:, 0] * np.sign(mode[np.abs(mode).argmax()]))
 
 
 def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:

@@ -162,21 +162,14 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
         drift.velocity_frames,
     )  # fmt: skip
     segment = np.array([evidence.segment[rows[0]] for rows in track_rows])
-    samples = [spread_rows(rows, p.pictures_per_track) for rows in track_rows]
-    sampled_rows = np.concatenate(samples)
-    descriptors = appearance.appearance_descriptors(
-        evidence.measures[sampled_rows],
-        lambda rows: reel.draw_rows(sampled_rows[rows], p.size_px, BODY).reshape(len(rows), -1),
-        p.components,
-    )
-    by_track = np.split(descriptors, np.cumsum([len(rows) for rows in samples])[:-1])
+    descriptors = _describe_tracks(evidence, track_rows)
 
     def score_pairs(chains: Chains) -> tuple[TrackPairs, Floats]:
         """Return pairs of chains that may be one animal, and log(P of one / P of two) of each."""
         chain_ends = motion.select_chain_ends(ends, chains)
         start, stop = chain_ends.start, chain_ends.stop
         pairs = successor_pairs(start, stop, segment[[chain[0] for chain in chains]])
-        by_chain = [np.concatenate([by_track[k] for k in chain]) for chain in chains]
+        by_chain = [np.concatenate([descriptors[k] for k in chain]) for chain in chains]
         look_ratio = appearance.appearance_log_ratios(
             by_chain, simultaneous_pairs(start, stop), pairs
         )
@@ -187,6 +180,24 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
         least_probability=p.min_join_probability, rng=np.random.default_rng(p.seed),
     )  # fmt: skip
     return join_in_passes(len(track_rows), score_pairs, p.sure_probability, find_joins)
+
+
+def _describe_tracks(
+    evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]
+) -> list[Floats]:
+    """Return descriptors (k, d) of the looks of each track's animal, in k of its rows.
+
+    track_rows: the rows of each track, in their order.
+    """
+    reel, p = evidence.reel, evidence.settings
+    samples = [spread_rows(rows, p.pictures_per_track) for rows in track_rows]
+    sampled_rows = np.concatenate(samples)
+    descriptors = appearance.appearance_descriptors(
+        evidence.measures[sampled_rows],
+        lambda rows: reel.draw_rows(sampled_rows[rows], p.size_px, BODY).reshape(len(rows), -1),
+        p.components,
+    )
+    return np.split(descriptors, np.cumsum([len(rows) for rows in samples])[:-1])
 
 
 def _number_animals(joins: TrackJoins, row_counts: list[int]) -> NDArray[np.intp]:

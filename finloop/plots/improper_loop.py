@@ -155,20 +155,10 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
         axes.text(right, down, letter, ha="center", va="center", color=_HEADING, fontweight="bold")
     # The direction of travel, through the middle of the path and at least a body length long.
     reach = max(float(np.hypot(*(place[-1] - place[0]))), length)
-    middle = place[[0, -1]].mean(0)
-    along, ahead = unit_vectors(loop.travel_deg), unit_vectors(loop.heading_deg)
+    middle, along = place[[0, -1]].mean(0), unit_vectors(loop.travel_deg)
     draw_arrow(axes, middle - along * reach / 2, middle + along * reach / 2, color=_TRAVEL, lw=2.5)
     if loop.place == BETWEEN_ENDS:
-        draw_arrow(axes, middle, middle + 0.75 * length * ahead, color=_HEADING, lw=2.5, ls=_DASHED)
-        # The angle between both, as an arc with its size.
-        turned = float(wrap_deg(np.array(loop.heading_deg - loop.travel_deg)))
-        angles = loop.travel_deg + np.linspace(0, turned, 40)
-        arc = middle + 0.35 * length * unit_vectors(angles)
-        axes.plot(*arc.T, color="black", lw=1)
-        right, down = middle + 0.58 * length * unit_vectors(loop.travel_deg + turned / 2)
-        words = f"{loop.off_deg:.0f}°"
-        axes.text(right, down, words, ha="center", va="center", fontweight="bold")
-    # What the panel shows, and its key.
+        _draw_angle_off_travel(axes, loop, middle, length)
     shown = np.vstack([place, head, head + length / 2, head - length / 2])
     _zoom_to_points(axes, shown, 0.3 * length, film)
     keys = [
@@ -181,6 +171,22 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
     if loop.place == BETWEEN_ENDS:
         keys.append(Line2D([], [], color=_HEADING, lw=2.5, ls=_DASHED, label="mean heading"))
     axes.legend(handles=keys, loc="best", facecolor="0.75", framealpha=0.9)
+
+
+def _draw_angle_off_travel(axes: Axes, loop: ImproperLoop, middle: Floats, length: float) -> None:
+    """Draw a loop's mean heading as an arrow, and its angle off the travel as an arc with a size.
+
+    middle (2,): where both begin, px; length: of the body, px.
+    """
+    ahead = unit_vectors(loop.heading_deg)
+    draw_arrow(axes, middle, middle + 0.75 * length * ahead, color=_HEADING, lw=2.5, ls=_DASHED)
+    turned = float(wrap_deg(np.array(loop.heading_deg - loop.travel_deg)))
+    angles = loop.travel_deg + np.linspace(0, turned, 40)
+    arc = middle + 0.35 * length * unit_vectors(angles)
+    axes.plot(*arc.T, color="black", lw=1)
+    right, down = middle + 0.58 * length * unit_vectors(loop.travel_deg + turned / 2)
+    words = f"{loop.off_deg:.0f}°"
+    axes.text(right, down, words, ha="center", va="center", fontweight="bold")
 
 
 def _zoom_to_points(axes: Axes, points: Floats, margin: float, film: Picture) -> None:

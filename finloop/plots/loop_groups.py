@@ -165,7 +165,7 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
 
     A dead end is film from which no loop leads on for ever. graph: of all loops.
     """
-    track_id, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    track_id = features["track_id"].to_numpy()
     rows = len(track_id)
     # The bar, with a line between two tracks.
     endless, in_largest = can_play_for_ever(graph, track_id), rows_of_largest_component(graph, rows)
@@ -182,17 +182,8 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
         for number, (word, colour) in enumerate(zip(words, (LARGEST, OTHER, DEAD), strict=True))
     ]
     axes.legend(handles=handles)
-    # The names of the longest dead ends, side by side below the bar.
     dead_ends = find_runs(~endless, track_id)  # of each the first row, and the row after it
-    longest_first = sorted(dead_ends, key=lambda run: run[0] - run[1])
-    named = sorted(longest_first[:_NAMED])
-    for number, (start, stop) in enumerate(named):
-        text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"
-        axes.annotate(
-            f"{text}\n{(stop - start) / rate_hz:.1f} s", ((start + stop) / 2 / rate_hz, 0),
-            ((number + 0.5) / len(named), -0.55), textcoords="axes fraction", fontsize=8,
-            ha="center", va="top", arrowprops={"arrowstyle": "-", "color": DEAD, "lw": 0.8},
-        )  # fmt: skip
+    _name_longest_runs(axes, dead_ends, features, rate_hz)
     axes.set(yticks=[], xlabel="film, its tracks one after another (s)")
     axes.xaxis.tick_top()
     axes.xaxis.set_label_position("top")
@@ -201,3 +192,22 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
         f"{_with_noun(len(dead_ends), 'dead end')}",
         loc="left", fontsize=10,
     )  # fmt: skip
+
+
+def _name_longest_runs(
+    axes: Axes, runs: list[tuple[int, int]], features: pd.DataFrame, rate_hz: float
+) -> None:
+    """Write track, frames and duration of the longest runs side by side below a bar of the film.
+
+    runs: of each the first row, and the row after the last. rate_hz: frames per second.
+    """
+    track_id, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    longest_first = sorted(runs, key=lambda run: run[0] - run[1])
+    named = sorted(longest_first[:_NAMED])
+    for number, (start, stop) in enumerate(named):
+        text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"
+        axes.annotate(
+            f"{text}\n{(stop - start) / rate_hz:.1f} s", ((start + stop) / 2 / rate_hz, 0),
+            ((number + 0.5) / len(named), -0.55), textcoords="axes fraction", fontsize=8,
+            ha="center", va="top", arrowprops={"arrowstyle": "-", "color": DEAD, "lw": 0.8},
+        )  # fmt: skip

@@ -45,22 +45,7 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     """
     figure, axes = draw_empty_tank(background, alpha=0.45, key_inches=0.5)
     key = _draw_paths(axes, edit)
-    # The goals, with the time at which each was reached.
-    reached_s = {}
-    for rows in split_by_fish(edit):
-        for name, _, stop in goal_stretches(rows):
-            if stop < len(rows):
-                reached_s[name] = rows["time_s"].iloc[stop]
-    for goal in goals:
-        reached = goal.name in reached_s
-        text = f"{goal.name}  {reached_s[goal.name]:.1f} s" if reached else goal.name
-        ring = Circle((goal.x_px, goal.y_px), goal.radius_px, fill=False, lw=1.8, zorder=4)
-        axes.add_patch(ring)
-        axes.plot(goal.x_px, goal.y_px, "+", color="black", ms=7, mew=1.4, zorder=4)
-        axes.annotate(
-            text, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
-            fontweight="bold", path_effects=_HALO, zorder=5,
-        )  # fmt: skip
+    _draw_goals(axes, edit, goals)
     # The crosses and diamonds. A reason holds until the next one; at a gateway a fish changes its
     # kind, sprite or frame.
     on_the_spot = edit["reason"].ffill() == SPOT
@@ -77,6 +62,25 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
     figure.legend(handles=key, loc="outside lower center", ncols=len(key), frameon=False)
     return figure
+
+
+def _draw_goals(axes: Axes, edit: pd.DataFrame, goals: Sequence[Goal]) -> None:
+    """Draw a ring around each goal, with its name and the time at which a fish has reached it."""
+    reached_s = {}
+    for rows in split_by_fish(edit):
+        for name, _, stop in goal_stretches(rows):
+            if stop < len(rows):
+                reached_s[name] = rows["time_s"].iloc[stop]
+    for goal in goals:
+        reached = goal.name in reached_s
+        text = f"{goal.name}  {reached_s[goal.name]:.1f} s" if reached else goal.name
+        ring = Circle((goal.x_px, goal.y_px), goal.radius_px, fill=False, lw=1.8, zorder=4)
+        axes.add_patch(ring)
+        axes.plot(goal.x_px, goal.y_px, "+", color="black", ms=7, mew=1.4, zorder=4)
+        axes.annotate(
+            text, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
+            fontweight="bold", path_effects=_HALO, zorder=5,
+        )  # fmt: skip
 
 
 def _draw_paths(axes: Axes, edit: pd.DataFrame) -> list[Line2D]:

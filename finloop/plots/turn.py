@@ -79,8 +79,8 @@ def figure5(
 ) -> Figure:
     """Draw Fig. 5 of the fish paper: the fish at three rows of a turn, and the turn over time.
 
-    features: the feature table. rows (3,): frames t0, t0 + k, t0 + 2k. fish: the specimens at these
-    rows. background: the empty tank.
+    features: the feature table. rows (3,): frames t0, t0 + k, t0 + 2k. fish: at each of these rows
+    the fish with its measures. background: the empty tank.
     """
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=(8.4, 2.8)))
@@ -101,13 +101,7 @@ def figure5(
         )
         turned = float(angles[number - 1]) if number else None
         _draw_measures(panels[1, number], specimen, corner, turned)
-        row = specimen.row
-        title = f"({letter}′)  motion area {row['motion_area_rel']:.2f}, "
-        title += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
-        if turned is not None:
-            angle = f"{turned:+.0f}".replace("-", "−")
-            title += f"included angle {angle}° since ({'abc'[number - 1]})"
-        panels[1, number].set_title(title, fontsize=11)
+        panels[1, number].set_title(_describe_measures(specimen, number, turned), fontsize=11)
     # The texts, and the turn over time.
     in_deltas = "Δ" if k == delta else f"{k // delta}Δ"
     frames = f"k = {in_deltas} = {k} frame{'s' if k > 1 else ''}"
@@ -122,6 +116,20 @@ def figure5(
     upper.suptitle(f"track {track:.0f}; {frames} = {k * frame_s:.2f} s", fontsize=11)
     _draw_turn_over_time(lower, features, rows, k)
     return figure
+
+
+def _describe_measures(specimen: Specimen, number: int, turned: float | None) -> str:
+    """Return the title of a picture with measures: motion area, swimming type, included angle.
+
+    number: of the picture, from 0. turned: degrees since the previous picture, None for the first.
+    """
+    row = specimen.row
+    title = f"({'abc'[number]}′)  motion area {row['motion_area_rel']:.2f}, "
+    title += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
+    if turned is not None:
+        angle = f"{turned:+.0f}".replace("-", "−")
+        title += f"included angle {angle}° since ({'abc'[number - 1]})"
+    return title
 
 
 def _crop_around_fish(
