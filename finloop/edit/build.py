@@ -80,26 +80,33 @@ def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any
     first_ticks = starts[starts < ticks]
     decisions = [stretch.decision for stretch in stretches[: len(first_ticks)]]
     columns: dict[str, Any] = {}
-    # The type of a field's values says what its columns are like: costs by term, text, counts that
-    # may be missing, or numbers.
     for name, values in zip(Decision._fields, zip(*decisions, strict=True), strict=True):
-        if isinstance(values[0], tuple):
+        if isinstance(values[0], tuple):  # costs by term
             costs = np.full((ticks, len(TERMS)), np.nan)
             costs[first_ticks] = [value or _NO_COSTS for value in values]
             prefix = name.removesuffix("_terms")
             columns |= {f"{prefix}_{term}_s": costs[:, k] for k, term in enumerate(TERMS)}
-        elif isinstance(values[0], str):
-            text = np.full(ticks, None, dtype=object)
-            text[first_ticks] = [value or None for value in values]
-            columns[name] = text
-        elif isinstance(values[0], int):
-            counts, missing = np.zeros(ticks, np.int16), np.ones(ticks, bool)
-            counts[first_ticks], missing[first_ticks] = values, False
-            columns[name] = pd.arrays.IntegerArray(counts, missing)
         else:
-            columns[name] = np.full(ticks, np.nan)
-            columns[name][first_ticks] = values
+            columns[name] = _fill_column(values, first_ticks, ticks)
     return columns
+
+
+def _fill_column(values: Sequence[str | int | float], at_ticks: Ints, ticks: int) -> Any:
+    """Return a column (ticks,) with values (k,), all of one type, at some ticks (k,).
+
+    At the others it is null: None beside text, for which "" counts as null, too; NaN beside floats.
+    """
+    if isinstance(values[0], str):
+        text = np.full(ticks, None, dtype=object)
+        text[at_ticks] = [value or None for value in values]
+        return text
+    if isinstance(values[0], int):
+        counts, missing = np.zeros(ticks, np.int16), np.ones(ticks, bool)
+        counts[at_ticks], missing[at_ticks] = values, False
+        return pd.arrays.IntegerArray(counts, missing)
+    numbers = np.full(ticks, np.nan)
+    numbers[at_ticks] = values
+    return numbers
 
 
 def edit_columns(

@@ -145,6 +145,26 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
     return past[:, 0]
 
 
+def _controlled_motion(
+    sampler: Sampler, film: FilmStates, row: int, control: Floats, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Return the displacement [body lengths] and turn [rad] of a controlled fish over the time Δ.
+
+    row: at which the fish starts; control (2,): displacement and turn that it is to have.
+    """
+    past = start_at_row(sampler, row).past
+    state, steps = RolloutState(past, draw_next_row(sampler, row, control, rng)), []
+    step_s = 1 / film.rate_hz
+    for _ in range(film.delta):
+        state = step_fish(sampler, state, control, rng)
+        steps.append(state.past[0, -MOTION:] * step_s)
+    # Places as complex numbers: each step is turned by the heading before it.
+    ahead, left, turn = np.transpose(steps)
+    heading = np.cumsum(turn)
+    displacement = ((ahead + 1j * left) * np.exp(1j * np.append(0.0, heading[:-1]))).sum()
+    return float(abs(displacement)), float(heading[-1])
+
+
 def measure_control_slopes(
     sampler: Sampler, film: FilmStates, rng: np.random.Generator
 ) -> dict[str, float]:
@@ -155,24 +175,11 @@ def measure_control_slopes(
     similar rows.
     """
     controls, motions = [], []
-    delta, step_s = film.delta, 1 / film.rate_hz
     for row in rng.choice(film.rows, _TRIALS).tolist():
         similar = sampler.to[sampler.start[row] : sampler.start[row + 1]]
-        if not len(similar):
-            continue
-        control = sampler.control[rng.choice(similar)]
-        past = start_at_row(sampler, row).past
-        state = RolloutState(past, draw_next_row(sampler, row, control, rng))
-        steps = []
-        for _ in range(delta):
-            state = step_fish(sampler, state, control, rng)
-            steps.append(state.past[0, -MOTION:] * step_s)
-        # Places as complex numbers: each step is turned by the heading before it.
-        ahead, left, turn = np.transpose(steps)
-        heading = np.cumsum(turn)
-        displacement = ((ahead + 1j * left) * np.exp(1j * np.append(0.0, heading[:-1]))).sum()
-        controls.append(control)
-        motions.append((float(abs(displacement)), float(heading[-1])))
+        if len(similar):
+            controls.append(sampler.control[rng.choice(similar)])
+            motions.append(_controlled_motion(sampler, film, row, controls[-1], rng))
     slopes = {}
     for name, control, motion in zip(
         ("displacement_slope", "angle_slope"), np.transpose(controls), np.transpose(motions),

@@ -230,21 +230,28 @@ def find_film_jumps(
     jumps = pd.concat(tables, ignore_index=True)
     first, after = reel.step_ends
     steps = np.linalg.norm(signatures[0, after] - signatures[0, first], axis=-1)
-    best_seams = jumps.groupby("row")["seam"].min()
     look = standardize_part(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
     return FilmJumps(jumps, look.astype(np.float32), visible, {
-        "jumps": len(jumps),
-        "rows_with_jumps_pct": 100 * len(best_seams) / len(track),
-        "seam_median_steps": float(jumps["seam"].median()),
-        "nearest_seam_median_steps": float(best_seams.median()),
-        "nearest_seam_p95_steps": float(best_seams.quantile(0.95)),
+        **_jump_metrics(jumps, len(track)),
         "recall_pct": 100 * search.index.recall,
         "natural_p95_steps": float(np.quantile(steps, 0.95)),
         "sides_apart": side_difference,
         "handedness": handedness,
         "mirrored": float(mirror),
-        "jumps_to_mirror_images_pct": 100 * float(jumps["mirrored"].mean()),
     })  # fmt: skip
+
+
+def _jump_metrics(jumps: pd.DataFrame, row_count: int) -> dict[str, float]:
+    """Return how many jumps there are, and how visible, by name; jumps: columns of `JUMPS`."""
+    best_seams = jumps.groupby("row")["seam"].min()
+    return {
+        "jumps": len(jumps),
+        "rows_with_jumps_pct": 100 * len(best_seams) / row_count,
+        "seam_median_steps": float(jumps["seam"].median()),
+        "nearest_seam_median_steps": float(best_seams.median()),
+        "nearest_seam_p95_steps": float(best_seams.quantile(0.95)),
+        "jumps_to_mirror_images_pct": 100 * float(jumps["mirrored"].mean()),
+    }
 
 
 def _find_best_jumps(

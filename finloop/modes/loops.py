@@ -178,19 +178,12 @@ class Loops:
         from one that is not legal; reason: code of the decision, by default that the film plays on
         or jumps.
         """
-        film, row, rot = self.film, int(candidates.rows[taken]), float(candidates.rots[taken])
+        row, rot = int(candidates.rows[taken]), float(candidates.rots[taken])
         is_legal = roll_outs.ticks[taken] > 0
         if ticks is None:
             ticks = int(roll_outs.ticks[taken] if is_legal else roll_outs.inside[taken])
         rows = np.arange(row, row + ticks)
-        cos, sin = np.cos(np.radians(rot)), np.sin(np.radians(rot))
-        first_place = self.next_place(fish)
-        dx = np.append(0.0, np.cumsum(film.dx[rows[:-1]]))
-        dy = np.append(0.0, np.cumsum(film.dy[rows[:-1]]))
-        trajectory = np.column_stack([
-            first_place[0] + dx * cos + dy * sin, first_place[1] + dy * cos - dx * sin,
-            film.heading[rows] + rot,
-        ])  # fmt: skip
+        trajectory = self._film_trajectory(rows, rot, self.next_place(fish))
         plays_on = row == fish.row + 1 and fish.row >= 0
         decision = add_verdict_counts(roll_outs, Decision(
             reason or (PLAY if plays_on else JUMP),
@@ -202,6 +195,19 @@ class Loops:
             touches_goal=bool(is_legal and roll_outs.touches_goal[taken]), decision=decision,
             kind=FRAME, rot=np.full(ticks, rot),
         )  # fmt: skip
+
+    def _film_trajectory(self, rows: Ints, rot: float, start_px: tuple[float, float]) -> Floats:
+        """Return x, y px and heading, (t, 3), of a fish that plays successive rows (t,) of film.
+
+        rot: degrees by which they are turned; start_px: x, y at the first of them.
+        """
+        film, cos, sin = self.film, np.cos(np.radians(rot)), np.sin(np.radians(rot))
+        dx = np.append(0.0, np.cumsum(film.dx[rows[:-1]]))
+        dy = np.append(0.0, np.cumsum(film.dy[rows[:-1]]))
+        return np.column_stack([
+            start_px[0] + dx * cos + dy * sin, start_px[1] + dy * cos - dx * sin,
+            film.heading[rows] + rot,
+        ])  # fmt: skip
 
     def next_place(self, fish: Fish) -> tuple[float, float]:
         """Return where the fish is at the next tick, x, y px.

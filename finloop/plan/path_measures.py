@@ -68,16 +68,8 @@ def path_table(
     trajectory = np.concatenate([empty, *(stretch.trajectory for stretch in stretches)])[:ticks]
     steer = [np.zeros((len(s.trajectory), 2)) if s.steer is None else s.steer for s in stretches]
     corrections = np.concatenate([empty[:, :2], *steer])[:ticks]
-    route, length, along = path.asked, world.motion.body_length_px, 0.0
-    nearest, due_places = np.empty((len(trajectory), 3)), np.full((len(trajectory), 2), np.nan)
-    for tick, (x, y, _) in enumerate(trajectory):
-        route_tick = tick + route.begins
-        nearest[tick] = find_nearest_on_route(
-            route, x, y, nearest_search_start(route, along, route_tick)
-        )
-        along = nearest[tick, 0]
-        if route.is_timed:
-            due_places[tick] = point_along(route, due_along(route, route_tick))
+    route, length = path.asked, world.motion.body_length_px
+    nearest, due_places = _follow_route(route, trajectory)
     error_deg = np.full(len(trajectory), np.nan)
     if len(route.heading) and len(trajectory):
         place = np.minimum((nearest[:, 0] / route.step).astype(int), len(route.heading) - 1)
@@ -92,6 +84,24 @@ def path_table(
         "heading_error_deg": error_deg,
         "turned_deg": corrections[:, 0], "shifted_px": corrections[:, 1],
     })  # fmt: skip
+
+
+def _follow_route(route: Route, trajectory: Floats) -> tuple[Floats, Floats]:
+    """Return the places on a route nearest to a fish at each tick, and those due then.
+
+    trajectory (t, 3): x, y px, heading, from the route's first tick on. The nearest are (t, 3): px
+    along the route, and x, y px; those due (t, 2): x, y px, NaN on a route without times.
+    """
+    nearest, due_places = np.empty((len(trajectory), 3)), np.full((len(trajectory), 2), np.nan)
+    along_px = 0.0
+    for number, (x, y, _) in enumerate(trajectory):
+        tick = number + route.begins
+        search_start = nearest_search_start(route, along_px, tick)
+        nearest[number] = find_nearest_on_route(route, x, y, search_start)
+        along_px = nearest[number, 0]
+        if route.is_timed:
+            due_places[number] = point_along(route, due_along(route, tick))
+    return nearest, due_places
 
 
 def path_metrics(

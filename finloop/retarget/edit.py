@@ -68,18 +68,11 @@ def build_edit_list(
     ticks, bodies = len(sources.row), joins.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))
     shown = sources.to_pictures(heading, bodies)
-    # Cross-fade light and skin at each jump, but not at one to a near frame of the same track,
-    # where both are the same.
-    fade_ticks = sources.switch
-    if len(fade_ticks):
-        drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
-        due = bodies.next_body(drawn.select(fade_ticks - 1))  # what would follow without the jump
-        is_near = bodies.are_near_in_film(due, drawn.select(fade_ticks), joins.fade)
-        fade_ticks = fade_ticks[~is_near]
     # The frames that fade out play on, and stay at the end of their track.
     partner, weight = cross_fade_partners(
-        shown, fade_ticks, joins.fade, following=lambda _, row: row + int(bodies.goes_on[row])
-    )
+        shown, _find_fades(shown, sources.switch, joins), joins.fade,
+        following=lambda _, row: row + int(bodies.goes_on[row]),
+    )  # fmt: skip
     fades = weight > 0
     speed = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) * rate_hz / pose.size_px[1:]
     switches = np.zeros(ticks, bool)
@@ -114,3 +107,16 @@ def build_edit_list(
         "reason": reason,
     })  # fmt: skip
     return table.reindex(columns=EDIT.names).astype(EDIT.kinds)
+
+
+def _find_fades(shown: PictureSequence, jumps: Ints, joins: JoinRules) -> Ints:
+    """Return the ticks at which light and skin are cross-faded: of jumps (k,), those that show it.
+
+    A jump to a near frame of the same track does not, as both are the same there.
+    """
+    if not len(jumps):
+        return jumps
+    bodies = joins.bodies
+    drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
+    due = bodies.next_body(drawn.select(jumps - 1))  # what would follow without the jump
+    return jumps[~bodies.are_near_in_film(due, drawn.select(jumps), joins.fade)]

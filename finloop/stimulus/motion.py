@@ -194,18 +194,30 @@ def plan_motion(
         tank.swim_in_group(fish_index=None)  # all fish
     elif motion.goal is not None:
         goals = (motion.goal,)
-    goals_given = [0] * len(tank.fish)  # how many each fish has got; after its last one it wanders
-    planned = [_current_states(tank, scene)]
-    for _ in range(count_planned_ticks(condition.change, ticks) - 1):
+    planned = _swim_to_goals(tank, scene, goals, count_planned_ticks(condition.change, ticks))
+    return apply_change(planned, condition.change, ticks)
+
+
+def _swim_to_goals(
+    tank: LiveTank, scene: TrialContext, goals: Sequence[Sequence[float]], ticks: int
+) -> States:
+    """Let the fish of a tank swim for `ticks` ticks; return their states (ticks, fish, fields).
+
+    Each fish swims to one goal after the other, and then wanders. goals: x, y in shares of the
+    tank; without any the fish swim as the tank lets them.
+    """
+    goals_given = [0] * len(tank.fish)  # how many each fish has got
+    states = [_current_states(tank, scene)]
+    for _ in range(ticks - 1):
         for number, fish in enumerate(tank.fish):
             given = goals_given[number]
             if given < len(goals) and (fish.reached or given == 0):
-                x, y = goals[given]  # shares of the tank
+                x, y = goals[given]
                 tank.send_to_goal(number, x * (scene.tank.width - 1), y * (scene.tank.height - 1))
                 goals_given[number] += 1
         tank.advance()
-        planned.append(_current_states(tank, scene))
-    return apply_change(np.stack(planned), condition.change, ticks)
+        states.append(_current_states(tank, scene))
+    return np.stack(states)
 
 
 def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:

@@ -1,6 +1,6 @@
 """Films, read by FFmpeg: their facts, and their frames one after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
 from functools import partial
@@ -266,10 +266,9 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         raise too_few_error(path, stamps.size)
     coding = _measure_coding(path, stamps if has_stamps else stamps[:1])
     film_rate = estimate_frame_rate(stamps, stated)
-    # last_s: time of the last frame that the file promises, whether it can be read or not.
     if rate is None:
-        times, last_s = stamps - stamps[0], (promised - stamps.size) / float(film_rate)
-        last_s += float(times[-1])
+        times = stamps - stamps[0]
+        last_s = (promised - stamps.size) / float(film_rate) + float(times[-1])
     else:
         times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
     full_range = coding.outside > OUTSIDE_FRACTION  # too many pixels far outside 16 … 235
@@ -298,7 +297,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         full_range=full_range,
         renumbered=rate is not None,
         stamp_s=coding.first_s,
-        last_s=last_s,
+        last_s=last_s,  # of the last frame that the file promises, whether it can be read or not
     )
     return footage, times
 
@@ -334,29 +333,19 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     It is the `reader` of a film's `Footage`; see `Footage.stream_numbered`. loss: counts the frames
     that cannot be read; it changes.
     """
-    step_s = 1 / float(footage.frame_rate)
-    size = footage.coded_size
+    step_s, size = 1 / float(footage.frame_rate), footage.coded_size
     square = square_size(*size, footage.pixel_aspect)
     convert = (
         _convert_to_rgb if footage.colour else partial(_convert_to_grey, levels=footage.levels)
     )
     with open_stream(footage.path) as (container, stream):
         stamps = _seek_range(container, stream, footage)
-        time_s = -step_s
-        damaged_before_last = 0  # damaged frames before the last good one
         frames = _decode_film(container, stream, loss)
         if footage.fields:
             frames = _deinterlace(frames, stream, footage.fields)
-        for number, frame in enumerate(frames):
-            if frame is None:
-                continue
-            damaged_before_last = loss.damaged
-            if footage.renumbered:
-                time_s = number * step_s
-            elif frame.pts is None:
-                time_s += step_s
-            else:
-                time_s = float(frame.pts * (stream.time_base or 1)) - footage.stamp_s
+        last_s, damaged_before_last = -step_s, 0  # of the last good frame; before it
+        for time_s, number, frame in _time_good_frames(frames, stream, footage):
+            last_s, damaged_before_last = time_s, loss.damaged
             if (frame.width, frame.height) != size:
                 name = f"{footage.path}: the frame at {time_s:.3f} s"
                 raise other_size_error(name, (frame.width, frame.height), size)
@@ -373,8 +362,31 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
         # The film has ended before its range of time. Of the frames that it lacks, those after the
         # last good one that are damaged are counted already.
         promised_s = min(footage.last_s, footage.end_s - step_s)
-        lacking = round((promised_s - time_s) / step_s)
+        lacking = round((promised_s - last_s) / step_s)
         loss.missing_at_end = max(0, lacking - (loss.damaged - damaged_before_last))
+
+
+def _time_good_frames(
+    frames: Iterable[VideoFrame | None], stream: VideoStream, footage: Footage
+) -> Iterator[tuple[float, int, VideoFrame]]:
+    """Yield the time [s] and the number of each decoded frame, and itself; None is left out.
+
+    The number counts all frames from the first one given, damaged ones (None) included. The time is
+    that of the stamp, unless the film is renumbered; without a stamp, that of the frame before plus
+    a step.
+    """
+    step_s = 1 / float(footage.frame_rate)
+    time_s = -step_s
+    for number, frame in enumerate(frames):
+        if frame is None:
+            continue
+        if footage.renumbered:
+            time_s = number * step_s
+        elif frame.pts is None:
+            time_s += step_s
+        else:
+            time_s = float(frame.pts * (stream.time_base or 1)) - footage.stamp_s
+        yield time_s, number, frame
 
 
 def _seek_range(

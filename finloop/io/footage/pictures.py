@@ -179,19 +179,11 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
             wanted=f"the frames of one film, all of one kind: {' '.join(sorted(SUFFIXES))}",
             do="name that folder, or the film itself",
         )
-    # Pictures of a series have names that differ only in numbers, else only the same ending.
-    series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + file.suffix.lower())
-    large = [name for name in series if len(series[name]) > max(2, _FEW * len(files))]
-    if not large:  # few pictures, or names without a common pattern
-        series = _group_files(files, lambda file: file.suffix.lower())
-        large = list(series)
-    if len(large) > 1:
-        raise _several_series_error(folder, {name: len(series[name]) for name in large})
-    pictures = sorted(series[large[0]], key=natural_sort_key)
+    pattern, pictures = _choose_series(folder, files)
     notes = []
     if others := sorted(file.name for file in set(files) - set(pictures)):
         listed = ", ".join(others[:5]) + (", …" if len(others) > 5 else "")
-        notes.append(f"{len(others)} pictures are not named {large[0]} and left out: {listed}")
+        notes.append(f"{len(others)} pictures are not named {pattern} and left out: {listed}")
     frame_numbers = _find_frame_numbers(folder, pictures)
     if gaps := int(frame_numbers[-1]) + 1 - len(frame_numbers):
         before_gap = pictures[int(np.diff(frame_numbers).argmax())].name
@@ -200,6 +192,22 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
             f"{before_gap}; their time is kept"
         )
     return pictures, frame_numbers, tuple(notes)
+
+
+def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
+    """Return how the pictures of a film in a folder are named, and these pictures in their order.
+
+    Their names differ only in numbers, else (few pictures, or names without a common pattern) they
+    have only the same ending. FinloopError if there are several series.
+    """
+    series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + file.suffix.lower())
+    large = [name for name in series if len(series[name]) > max(2, _FEW * len(files))]
+    if not large:
+        series = _group_files(files, lambda file: file.suffix.lower())
+        large = list(series)
+    if len(large) > 1:
+        raise _several_series_error(folder, {name: len(series[name]) for name in large})
+    return large[0], sorted(series[large[0]], key=natural_sort_key)
 
 
 def _group_files(files: list[Path], name_of: Callable[[Path], str]) -> dict[str, list[Path]]:
