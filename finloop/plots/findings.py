@@ -118,7 +118,7 @@ def _draw_lights(numbers: list[int], read_frames: ReadFrames) -> FaultPicture:
 def _draw_shake(
     shifts: pd.DataFrame, tank: Picture, read_frames: ReadFrames
 ) -> FaultPicture | None:
-    """Return the frame in which the camera has moved farthest, over the empty tank in red."""
+    """Return the frame in which the camera has moved farthest, over the empty tank."""
     away = shifts - shifts.median()
     distance_px = np.hypot(away["shift_x"], away["shift_y"])
     number = int(distance_px.idxmax())
@@ -129,8 +129,11 @@ def _draw_shake(
     steepest = int(np.hypot(marks.slope_right, marks.slope_down).argmax())
     place = int(marks.x[steepest]), int(marks.y[steepest]), 1, 1
     picture = _crop_around(np.dstack([to_grey(tank), moved, moved]), place)
-    caption = f"Frame {number} in cyan, the still tank in red: {distance_px[number]:.2g} px apart."
-    return FaultPicture(picture, caption)
+    # Each colour from black to white: pale marks are seen, and other light does not tint them.
+    low, high = picture.min(axis=(0, 1)), picture.max(axis=(0, 1))
+    picture = (255.0 * (picture - low) / np.maximum(high - low, 1)).astype(np.uint8)
+    apart = f"its edges, red and cyan, are {distance_px[number]:.2g} px apart"
+    return FaultPicture(picture, f"Frame {number} over the still tank: {apart}.")
 
 
 def _draw_repeat(change: pd.Series, read_frames: ReadFrames) -> FaultPicture:
