@@ -266,6 +266,7 @@ def fit_directions(
     sums = _sum_rows(_regression_columns(pulls, wall, weights), after)
     solution = _solve_regression(sums, weights)
     coefficients = solution.copy()
+    # The first column is the own direction together with the pulls of fixed weight.
     coefficients[1:4] += _replace_none_by_zero(weights) * solution[0]
     return coefficients, sums.residual(solution)
 

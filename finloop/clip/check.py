@@ -25,7 +25,7 @@ CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
 EXAMINED = 96  # most frames of a clip that are examined
 PLAIN_LEVELS = 8  # least difference between the darkest and brightest pixel of a usable film
 SAMPLES = 32  # most frames of a clip that are kept to compare them with the coded ones
-_SAMPLES = 15  # frames whose median is the empty tank
+_TANK_SAMPLES = 15  # frames whose median is the empty tank
 _STRIP = 64  # rows
 _TILES = 6  # tiles of the picture in both directions; the median tile gives the noise
 _THIN = 3  # every 3rd pixel in both directions for noise and contrast
@@ -80,7 +80,7 @@ class ClipTally:
     darkest: int = 255
     brightest: int = 0
     samples: dict[int, np.ndarray] = field(default_factory=dict)  # some frames, by number
-    _stride: int = 1
+    _stride: int = 1  # frames from one sample to the next
     # (frames,) brightness relative to the first frame, where both show the tank; NaN: too dark
     lights: list[float] = field(default_factory=list)
     # (frames,) how much each frame differs from the one before [grey levels]; NaN for the first
@@ -91,7 +91,7 @@ class ClipTally:
     def add_frame(self, frame: np.ndarray) -> None:
         """Measure the next frame (h, w[, 3]), and copy it if it is one of the spread samples.
 
-        Only a grid of its pixels is measured (`thin_frame`); copies are whole, `SAMPLES` at most.
+        Only a grid of its pixels is measured (`thin_frame`); copies are whole.
         """
         thinned = thin_frame(frame).copy()  # the caller may reuse the memory
         self.brightness_sum += float(np.mean(cv2.mean(thinned)[: 3 if frame.ndim == 3 else 1]))
@@ -105,12 +105,16 @@ class ClipTally:
         )
         self._last = subsample
         if self.frames % self._stride == 0:
-            self.samples[self.frames] = frame.copy()
-            if len(self.samples) > SAMPLES:
-                self._stride *= 2
-                remaining = [number for number in self.samples if number % self._stride == 0]
-                self.samples = {number: self.samples[number] for number in remaining}
+            self._add_sample(frame)
         self.frames += 1
+
+    def _add_sample(self, frame: np.ndarray) -> None:
+        """Copy a frame; of more than `SAMPLES` copies every other one is dropped."""
+        self.samples[self.frames] = frame.copy()
+        if len(self.samples) > SAMPLES:
+            self._stride *= 2
+            remaining = [number for number in self.samples if number % self._stride == 0]
+            self.samples = {number: self.samples[number] for number in remaining}
 
     @property
     def brightness_mean(self) -> float:
@@ -157,7 +161,7 @@ def _empty_tank(tally: ClipTally) -> Picture:
 
     It is as bright as the median of all frames.
     """
-    numbers = list(tally.samples)[:: math.ceil(len(tally.samples) / _SAMPLES)]
+    numbers = list(tally.samples)[:: math.ceil(len(tally.samples) / _TANK_SAMPLES)]
     sample = [tally.samples[number] for number in numbers]
     # Gains are relative to the first sample, lights to the first frame; NaN: unknown.
     gains = [np.nan_to_num(measure_gain(frame, sample[0]), nan=1.0) for frame in sample]
@@ -201,7 +205,24 @@ def check_film(
     rate_hz: frames per second. tally: brightness and samples of all frames. The table has the
     columns `CHECK`. key_frame_distance: frames from one key frame to the next.
     """
-    tank_picture = _empty_tank(tally)
+    tank = _empty_tank(tally)
+    numbers = choose_examined_frames(tally.frames, key_frame_distance)
+    examined, moving = _examine_frames(zip(numbers, read_frames(numbers), strict=True), tank)
+    table = pd.DataFrame({"light": tally.lights, "change": tally.changes})
+    table = table.join(examined).rename_axis("frame").reset_index()
+    table = table.reindex(columns=CHECK.names)
+    return _summarize_quality(table, rate_hz, len(examined), moving), table, tank
+
+
+def _examine_frames(
+    frames: Iterable[tuple[int, Picture]], tank_picture: Picture
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return measures of shift, fields and noise by frame, and measures of what moves.
+
+    All but the shift need the frame before, so they lack where that is not among the frames.
+    frames: pairs (number, grey picture); tank_picture: the empty tank (h, w[, 3]). The second
+    table has the columns `_MovingPixels`.
+    """
     tank, landmarks, last_shift = to_grey(tank_picture), find_landmarks(tank_picture), STILL
     thinned_tank = tank[::_THIN, ::_THIN]
     floor_grey = float(np.median(thinned_tank))
@@ -209,8 +230,7 @@ def check_film(
     moving: list[_MovingPixels] = []
     before: Picture | None = None
     gain_before = 1.0
-    numbers = choose_examined_frames(tally.frames, key_frame_distance)
-    for number, picture in zip(numbers, read_frames(numbers), strict=True):
+    for number, picture in frames:
         grey = picture.copy()  # the decoder reuses its memory
         gain = float(np.nan_to_num(measure_gain(grey, tank)[0], nan=1.0))
         shift = measure_shift(grey, landmarks, last_shift)
@@ -224,12 +244,8 @@ def check_film(
             moving.append(_measure_moving_pixels(thinned, thinned_tank, floor_grey, gain))
         rows.append(row)
         before, gain_before = grey, gain
-    table = pd.DataFrame({"light": tally.lights, "change": tally.changes})
-    table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
-    table = table.reindex(columns=CHECK.names)
-    moving_pixels = pd.DataFrame(moving, columns=_MovingPixels._fields)
-    quality = _summarize_quality(table, rate_hz, len(rows), moving_pixels)
-    return quality, table, tank_picture
+    examined = pd.DataFrame(rows).set_index("frame")
+    return examined, pd.DataFrame(moving, columns=_MovingPixels._fields)
 
 
 def to_grey(picture: Picture) -> Picture:

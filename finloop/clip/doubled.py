@@ -88,7 +88,8 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
     gap = ratios.argmax(axis=1)
     largest_small = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
     small_change = (np.nan_to_num(changes) <= largest_small) & (ratios.max(axis=1) >= _GAP)
-    # A resting animal that darts away has small changes on one side only.
+    # A resting animal that darts away has small changes on one side only. sides[k] is the largest
+    # of the changes just before frame k, sides[k + _BESIDE + 1] of those just after it.
     edge_padded = np.pad(np.nan_to_num(changes), _BESIDE, constant_values=np.inf)
     sides = np.lib.stride_tricks.sliding_window_view(edge_padded, _BESIDE).max(axis=1)
     between_new = (sides[: len(changes)] > largest_small) & (sides[_BESIDE + 1 :] > largest_small)
@@ -99,13 +100,33 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
     """Find the regular rhythm in which a rate conversion has doubled frames.
 
     Return the number of new pictures per frame, the number of each frame's picture (frames,), and
-    the doubled frames. Frame k shows picture floor(k · rate + phase); the rate is the peak of a
-    spectrum. decidable, doubled: masks (frames,) where enough moves, and what is doubled there.
+    the doubled frames. decidable, doubled: masks (frames,) where enough moves, and what is doubled
+    there.
+    """
+    # The rarer kind of frames, doubled or new, has the simpler rhythm: one comes with each beat,
+    # and floor(frame · rate + phase) counts the beats.
+    rare = doubled if 2 * doubled.sum() < decidable.sum() else decidable & ~doubled
+    rate, phase = _find_rhythm(decidable, rare)
+    phase = _refine_phase(decidable, rare, rate, phase)
+    number = np.arange(len(decidable))
+    beats = np.floor(number * rate + phase).astype(np.int64)
+    on_beat = _frames_on_beat(number, rate, phase)
+    if rare is doubled:  # each beat is a doubled frame, so all others are new pictures
+        return 1 - rate, number - beats, on_beat
+    return rate, beats, ~on_beat
+
+
+def _frames_on_beat(number: Ints, rate: float, phase: float) -> Mask:
+    """Return a mask (frames,) of the frames, given by number, at which a beat is counted."""
+    return np.floor(number * rate + phase) > np.floor((number - 1) * rate + phase)
+
+
+def _find_rhythm(decidable: Mask, rare: Mask) -> tuple[float, float]:
+    """Return the rate, beats per frame, with which rare frames come, and about its phase, in beats.
+
+    The rate is the peak of a spectrum. decidable, rare: masks (frames,).
     """
     frames = len(decidable)
-    # The rarer kind of frames, doubled or new, has the simpler rhythm.
-    rare = doubled if 2 * doubled.sum() < decidable.sum() else decidable & ~doubled
-    number = np.arange(frames)
     density = rare[decidable].mean()
     signal = np.where(decidable, rare - density, 0.0)
     # The spectrum's peak near the density, from a quarter of it to twice, on a grid of 8 bins per
@@ -114,20 +135,20 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
     low = max(1, round(8 * frames * 0.25 * density))
     peak = low + int(power[low : round(8 * frames * min(0.5, 2 * density)) + 1].argmax())
     rates = (peak + np.linspace(-1, 1, 41)) / (8 * frames)
-    waves = np.exp(-2j * np.pi * rates[:, None] * number[rare]).sum(axis=1)
+    waves = np.exp(-2j * np.pi * rates[:, None] * np.flatnonzero(rare)).sum(axis=1)
     best = int(np.abs(waves).argmax())
-    beat, phase = float(rates[best]), float(np.angle(waves[best])) / (2 * np.pi)
+    return float(rates[best]), float(np.angle(waves[best])) / (2 * np.pi)
 
-    def rises(phase: float) -> Mask:
-        """Return a mask (frames,) of the frames in which floor(k · beat + phase) rises."""
-        return np.floor(number * beat + phase) > np.floor((number - 1) * beat + phase)
 
-    # The phase that agrees with most frames; of equally good ones the middle one.
-    tries = [phase + beat * share for share in np.linspace(0, 1, _PHASES)]
-    agreement = np.array([np.mean(rises(offset)[decidable] == rare[decidable]) for offset in tries])
-    best_tries = np.flatnonzero(agreement == agreement.max())
-    phase = tries[best_tries[len(best_tries) // 2]]
-    beats = np.floor(number * beat + phase).astype(np.int64)
-    if rare is doubled:  # each beat is a doubled frame, so all others are new pictures
-        return 1 - beat, number - beats, rises(phase)
-    return beat, beats, ~rises(phase)
+def _refine_phase(decidable: Mask, rare: Mask, rate: float, phase: float) -> float:
+    """Return the phase, in beats, that agrees with most frames; of equally good ones the middle.
+
+    Tried are those up to `rate` above `phase`, a frame's share of a beat. decidable, rare: masks
+    (frames,).
+    """
+    number = np.arange(len(decidable))
+    tries = [phase + rate * share for share in np.linspace(0, 1, _PHASES)]
+    on_beat = (_frames_on_beat(number, rate, offset) for offset in tries)
+    agreement = np.array([np.mean(mask[decidable] == rare[decidable]) for mask in on_beat])
+    best = np.flatnonzero(agreement == agreement.max())
+    return tries[best[len(best) // 2]]

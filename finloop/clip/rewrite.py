@@ -11,6 +11,7 @@ from fractions import Fraction
 from functools import partial
 from math import isfinite
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,6 +92,57 @@ class ClipResult:
         return metrics | {f"mended_{name}": int(name in self.mended) for name in repairs}
 
 
+@dataclass
+class _FrameCorrector:
+    """Corrects the brightness and the shift of frames by comparing them with the empty tank."""
+
+    tank: Picture
+    light: bool  # whether to correct the light
+    place: bool  # whether to correct the place
+    right_px: float = 0.0  # the largest shift of a frame to that side, so far
+    left_px: float = 0.0
+    down_px: float = 0.0
+    up_px: float = 0.0
+    _marks: Landmarks | None = None
+    _last: Shift = field(default=STILL)
+
+    def correct_frames(self, frames: NumberedFrames) -> NumberedFrames:
+        """Yield the frames with corrected brightness and place; times and numbers do not change."""
+        for time_s, (number, frame) in frames:
+            if self.light:
+                frame = undo_gain(frame, measure_gain(frame, self.tank))
+            if self.place:
+                frame = self._steady_frame(frame)
+            yield time_s, (number, frame)
+
+    def _steady_frame(self, frame: Picture) -> Picture:
+        """Return a frame moved back by its shift against the empty tank, and store the shift."""
+        self._marks = self._marks or find_landmarks(self.tank)
+        shift = measure_shift(to_grey(frame), self._marks, self._last)
+        shift = self._last if shift is UNKNOWN else shift
+        self._last = shift
+        self.right_px, self.left_px = max(self.right_px, shift.x), max(self.left_px, -shift.x)
+        self.down_px, self.up_px = max(self.down_px, shift.y), max(self.up_px, -shift.y)
+        return undo_shift(frame, shift)
+
+    def common_mask(self) -> Mask:
+        """Return the mask (h, w) of the pixels that every corrected frame shows."""
+        height, width = self.tank.shape[:2]
+        mask = np.zeros((height, width), bool)
+        sides = (self.up_px, self.down_px, self.left_px, self.right_px)
+        top, bottom, left, right = (int(np.ceil(px)) + _EDGE if px else 0 for px in sides)
+        mask[top : height - bottom, left : width - right] = True
+        return mask
+
+
+class _Reading(NamedTuple):
+    """How a film is read for its clip: the repairs that are made meanwhile."""
+
+    fields: Order = ""  # the earlier field; "": the film is not interlaced
+    repeats: RepeatedFrames | None = None  # to be left out
+    corrector: _FrameCorrector | None = None  # of light and place
+
+
 def make_clip(
     p: ClipSettings,
     source: ClipSource,
@@ -111,46 +163,75 @@ def make_clip(
     result = ClipResult(facts, tally, arena, filmed, filmed, frozenset())
     if not isinstance(p, FootageSettings):
         return result
-    fields: Order = ""
-    repeats: RepeatedFrames | None = None
-    corrector: _FrameCorrector | None = None
+    reading = _Reading()
     for kind in (_PICTURE_REPAIRS, _TAKING_REPAIRS):
         todo = choose_repairs(p, result.quality, min(arena.shape)) & kind
-        facts = result.facts
-        retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
-        if retimed or len(facts.segments) > 1:  # frame k of the clip is not frame k of the film
+        if _is_retimed(result.facts):
             todo.discard("undouble")
-        if not todo:
-            continue
-        # The clip, its repairs and its tank so far, from which every try begins.
-        before, kept, tank_before = result, (fields, repeats, corrector), tank
-        while True:  # again without the repairs that made the film no better, until all help
-            fields, repeats, corrector = kept
-            if "deinterlace" in todo:
-                order = before.quality.field_order
-                fields = "tff" if order > 0 else "bff" if order <= 0 else "auto"  # auto: NaN
-            if "undouble" in todo:
-                repeats = find_repeats(np.array(before.tally.changes))
-            if todo & _TAKING_REPAIRS:
-                corrector = _FrameCorrector(tank_before, "even_light" in todo, "steady" in todo)
-            repaired_source = _reopen_film(p, fields, repeats, corrector)
-            with show_progress("mend", repaired_source.facts.frames) as advance:
-                facts, tally, arena = write_clip(repaired_source, p, folder, advance)
-            if corrector:
-                arena = arena & corrector.common_mask()
-                save_mask(folder / ARENA_NAME, arena)
-            quality, tank = _check_clip(facts, tally, folder)
-            worse = {
-                name for name in todo if getattr(p, REPAIRED_BY[name]) == "auto"
-                and not is_better(name, before.quality, quality)
-            }  # fmt: skip
-            result = ClipResult(
-                facts, tally, arena, filmed, quality, before.mended | todo, result.refused | worse
+        if todo:
+            result, tank, reading = _repair_clip(
+                p, todo, result, tank, reading, folder, show_progress
             )
-            todo = todo - worse
-            if not worse:
-                break
     return result
+
+
+def _is_retimed(facts: VideoFacts) -> bool:
+    """Return whether frame k of a clip may differ from frame k of the film."""
+    retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
+    return bool(retimed) or len(facts.segments) > 1
+
+
+def _repair_clip(
+    p: FootageSettings,
+    todo: set[str],
+    before: ClipResult,
+    tank: Picture,
+    reading: _Reading,
+    folder: Path,
+    show_progress: Watch,
+) -> tuple[ClipResult, Picture, _Reading]:
+    """Write a clip again with more repairs; return it, its empty tank, and how the film is read.
+
+    Repairs that make the film no better are left out, and the clip is written once more, until all
+    help. todo: the repairs, of `REPAIRED_BY`. before, tank, reading: the clip, its empty tank and
+    how the film is read, so far.
+    """
+    refused = before.refused
+    while True:
+        trial = _add_repairs(reading, todo, before, tank)
+        source = _reopen_film(p, trial)
+        with show_progress("mend", source.facts.frames) as advance:
+            facts, tally, arena = write_clip(source, p, folder, advance)
+        if trial.corrector:
+            arena = arena & trial.corrector.common_mask()
+            save_mask(folder / ARENA_NAME, arena)
+        quality, new_tank = _check_clip(facts, tally, folder)
+        worse = {
+            name for name in todo if getattr(p, REPAIRED_BY[name]) == "auto"
+            and not is_better(name, before.quality, quality)
+        }  # fmt: skip
+        if not worse:
+            mended = before.mended | todo
+            result = ClipResult(facts, tally, arena, before.filmed, quality, mended, refused)
+            return result, new_tank, trial
+        todo, refused = todo - worse, refused | worse
+
+
+def _add_repairs(reading: _Reading, todo: set[str], before: ClipResult, tank: Picture) -> _Reading:
+    """Return how the film is read if repairs are added, as its clip so far needs them.
+
+    todo: the repairs, of `REPAIRED_BY`; before, tank: the clip so far and its empty tank.
+    """
+    if "deinterlace" in todo:
+        order = before.quality.field_order
+        fields: Order = "tff" if order > 0 else "bff" if order <= 0 else "auto"  # auto: NaN
+        reading = reading._replace(fields=fields)
+    if "undouble" in todo:
+        reading = reading._replace(repeats=find_repeats(np.array(before.tally.changes)))
+    if todo & _TAKING_REPAIRS:
+        corrector = _FrameCorrector(tank, light="even_light" in todo, place="steady" in todo)
+        reading = reading._replace(corrector=corrector)
+    return reading
 
 
 def is_better(repair: str, before: Quality, after: Quality) -> bool:
@@ -216,68 +297,16 @@ def _drop_repeats(
             yield float(picture) / rate_hz, frame
 
 
-@dataclass
-class _FrameCorrector:
-    """Corrects the brightness and the shift of frames by comparing them with the empty tank."""
-
-    tank: Picture
-    light: bool  # whether to correct the light
-    place: bool  # whether to correct the place
-    right_px: float = 0.0  # the largest shift of a frame to that side, so far
-    left_px: float = 0.0
-    down_px: float = 0.0
-    up_px: float = 0.0
-    _marks: Landmarks | None = None
-    _last: Shift = field(default=STILL)
-
-    def correct_frames(self, frames: NumberedFrames) -> NumberedFrames:
-        """Yield the frames with corrected brightness and place; times and numbers do not change."""
-        for time_s, (number, frame) in frames:
-            if self.light:
-                frame = undo_gain(frame, measure_gain(frame, self.tank))
-            if self.place:
-                frame = self._steady_frame(frame)
-            yield time_s, (number, frame)
-
-    def _steady_frame(self, frame: Picture) -> Picture:
-        """Return a frame moved back by its shift against the empty tank, and store the shift."""
-        self._marks = self._marks or find_landmarks(self.tank)
-        shift = measure_shift(to_grey(frame), self._marks, self._last)
-        shift = self._last if shift is UNKNOWN else shift
-        self._last = shift
-        self.right_px, self.left_px = max(self.right_px, shift.x), max(self.left_px, -shift.x)
-        self.down_px, self.up_px = max(self.down_px, shift.y), max(self.up_px, -shift.y)
-        return undo_shift(frame, shift)
-
-    def common_mask(self) -> Mask:
-        """Return the mask (h, w) of the pixels that every corrected frame shows."""
-        height, width = self.tank.shape[:2]
-        mask = np.zeros((height, width), bool)
-        sides = (self.up_px, self.down_px, self.left_px, self.right_px)
-        top, bottom, left, right = (int(np.ceil(px)) + _EDGE if px else 0 for px in sides)
-        mask[top : height - bottom, left : width - right] = True
-        return mask
-
-
-def _reopen_film(
-    p: FootageSettings,
-    fields: Order,
-    repeated: RepeatedFrames | None,
-    corrector: _FrameCorrector | None,
-) -> ClipSource:
-    """Open a film again so that its frames are read without repeats and corrected.
-
-    fields: the earlier field, "" if the film is not interlaced; repeated, corrector: None where no
-    such repair is needed.
-    """
-    source = open_clip_source(p, fields)
-    facts, streams = source.facts, source.streams
+def _reopen_film(p: FootageSettings, reading: _Reading) -> ClipSource:
+    """Open a film again so that its frames are read without repeats and corrected."""
+    source = open_clip_source(p, reading.fields)
+    facts, streams, repeated = source.facts, source.streams, reading.repeats
     if repeated is not None:
         rate = facts.frame_rate * _simplest_fraction(repeated.rate, len(repeated.repeats))
         streams = [_drop_repeats(frames, repeated, float(rate)) for frames in streams]
         facts = replace(facts, frame_rate=rate, frames=int((~repeated.repeats).sum()))
-    if corrector is not None:
-        streams = [corrector.correct_frames(frames) for frames in streams]
+    if reading.corrector is not None:
+        streams = [reading.corrector.correct_frames(frames) for frames in streams]
     return replace(source, facts=facts, streams=streams)
 
 

@@ -38,10 +38,11 @@ def list_findings(
     """Return the findings on light, camera, pictures, exposure, contrast and coding of a clip.
 
     filmed: quality of the film before its repair; mended: the names of the repairs; refused: those
-    that made the film worse. The finding on a repaired fault also says what was measured before.
+    that made the film no better. The finding on a repaired fault also says what was measured
+    before.
     """
-    # By the word of a finding: whether its repair was refused, and a sentence on what was done.
-    worse = {word for name in refused for word in REPAIRS[name][0]}
+    # Words of findings: those of refused repairs, and for the others a sentence on what was done.
+    refused_words = {word for name in refused for word in REPAIRS[name][0]}
     remedies = {word: REPAIRS[name][1] for name in mended for word in REPAIRS[name][0]}
     before = (
         {finding.word: finding for finding in _judge_all(filmed)} if filmed and remedies else {}
@@ -51,7 +52,7 @@ def list_findings(
         if finding.word in remedies and not before[finding.word].good:
             text = f"{before[finding.word].text} {remedies[finding.word]} {finding.text}"
             finding = finding._replace(text=text)
-        if finding.word in worse and not finding.good:
+        if finding.word in refused_words and not finding.good:
             finding = finding._replace(text=f"{finding.text} {_REFUSED}")
         findings.append(finding)
     return findings

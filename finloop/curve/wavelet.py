@@ -164,7 +164,8 @@ def control_points(points: Floats, wavelet: str, level: int) -> Floats:
 def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:
     """Return the smooth closed curves (…, n · 2^level, k) of control points (…, n, k).
 
-    All details are 0; this inverts `control_points` for curves without details.
+    All details are 0; this inverts `control_points` for curves without details, its division by √2
+    for each level included.
     """
     coarse = points.shape[-2]
     coefficients = np.zeros((*points.shape[:-2], coarse << level, points.shape[-1]))

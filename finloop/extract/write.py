@@ -188,7 +188,7 @@ def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list
     read = partial(read_chosen_frames, path, colour=facts.colour, threads=1)
 
     def read_pictures(part: NDArray[np.intp]) -> list[Picture]:
-        """Return the frames of some numbers."""
+        """Return the frames with these numbers."""
         return list(read(part.tolist()))
 
     try:

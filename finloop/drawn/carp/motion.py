@@ -203,7 +203,7 @@ class Swimmer:
         self.target_amplitude = float(self.rng.uniform(*amplitudes))
 
     def _begin_turn(self, angle: float) -> None:
-        """Begin a C-turn by `angle`, radians, + left. Wide turns are faster and bend the body more.
+        """Begin a C-turn by `angle`, radians, + left: the wider, the faster and the more bent.
 
         The constants are chosen by eye: a turn by 180° takes about 1.1 s.
         """
