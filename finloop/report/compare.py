@@ -108,42 +108,55 @@ def compare_experiments(
     measures: columns of `numbers` to show beside OBJECTIVES. Runs that differ in their seeds alone
     become one experiment. Rows are sorted by the differing parameters.
     """
-    # Runs: sorted by the parameters that differ. Seeds are what is averaged over, unless nothing
-    # else differs.
-    differing = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
-    differing = [name for name in differing if not str(name).endswith(".seed")] or differing
-    runs = parameters[differing]
-    if differing:
-        runs = runs.sort_values(differing, kind="stable", key=lambda column: rank_values(column)[0])
+    runs = _sort_runs(parameters)
     repeats = parameters.loc[runs.index].astype(str).duplicated()  # the same seeds, too
-    seed_names = [name for name in parameters if str(name).endswith(".seed")]
-    seed_names = [name for name in seed_names if name not in differing]
-    seed_rows = parameters.loc[runs.index, seed_names].astype(str).to_numpy()
-    seeds = pd.Series([" ".join(row) for row in seed_rows], runs.index)
-
+    seeds = _seed_texts(parameters.loc[runs.index].drop(columns=runs.columns))
     # The measures of all runs: the objectives first.
     available = numbers.columns[numbers.notna().any()]
     objectives = [objective for objective in OBJECTIVES if objective.key in available]
     keys = [objective.key for objective in objectives]
     columns = dict.fromkeys([*keys, *(name for name in measures if name in numbers)])
     values = numbers.reindex(index=runs.index, columns=list(columns)).astype(float)
-
     # Experiments: means and spreads over the runs that differ in their seeds alone.
     names = _experiment_names(runs, repeats)
-    rows = runs.groupby(names, sort=False).first() if differing else runs
     means = values.groupby(names, sort=False).mean()
     spreads = values.groupby(names, sort=False).std()
+    rows, effects = runs, []
+    if len(runs.columns):
+        rows = runs.groupby(names, sort=False).first()
+        effects = measure_effects(runs[~repeats], values[~repeats], seeds[~repeats])
     cost_sign = np.array([-1.0 if objective.rises else 1.0 for objective in objectives])
     best = pareto_front(means[keys].to_numpy() * cost_sign) & bool(objectives)
-    effects = []
-    if differing:
-        effects = measure_effects(runs[~repeats], values[~repeats], seeds[~repeats])
     first_runs = names.index[~names.duplicated()].astype(str).tolist()
     return Comparison(
         parameters=rows, measures=means, spreads=spreads, objectives=objectives, best=best,
         effects=effects, first_runs=first_runs, run_parameters=runs, run_measures=values,
         run_seeds=seeds,
     )  # fmt: skip
+
+
+def _sort_runs(parameters: pd.DataFrame) -> pd.DataFrame:
+    """Return those parameters of runs, a row each, that differ, sorted by them.
+
+    Seeds are left out, as runs are averaged over them, unless nothing else differs.
+    """
+    differing = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
+    differing = [name for name in differing if not _is_seed(name)] or differing
+    runs = parameters[differing]
+    if not differing:
+        return runs
+    return runs.sort_values(differing, kind="stable", key=lambda column: rank_values(column)[0])
+
+
+def _seed_texts(parameters: pd.DataFrame) -> "pd.Series[str]":
+    """Return a text for each run, equal for runs that have the same seeds among `parameters`."""
+    seed_rows = parameters[[name for name in parameters if _is_seed(name)]].astype(str).to_numpy()
+    return pd.Series([" ".join(row) for row in seed_rows], parameters.index)
+
+
+def _is_seed(name: object) -> bool:
+    """Return whether a parameter, by its dotted name, is a seed of random numbers."""
+    return str(name).endswith(".seed")
 
 
 def _experiment_names(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Series[str]":
@@ -394,6 +407,7 @@ def comparison_page(
         for name in dict.fromkeys(effect.parameter for effect in varying)
     }
     charts["Which parameter matters"] = _draw_importance(comparison)
+    # The first objective against each of the others.
     fronts = {
         f"{y.words.capitalize()} against {x.words}": _draw_scatter(comparison, x, y)
         for x in comparison.objectives[:1]
@@ -401,11 +415,6 @@ def comparison_page(
     }
     same = dict.fromkeys(effect.measure for effect in comparison.effects if effect.verdict == SAME)
     same_everywhere = [name for name in same if name not in {effect.measure for effect in varying}]
-    uris = {}
-    for name, run in zip(comparison.parameters.index, comparison.first_runs, strict=True):
-        if previews and run in previews:
-            picture = data_uri("image/webp", previews[run].picture)
-            uris[str(name)] = picture, data_uri("video/mp4", previews[run].film)
     values = {
         "title": title, "texts": list(filter(None, texts)), "chance": f"{SIGNIFICANCE:.0%}",
         "seeds": bool(comparison.spreads.notna().any(axis=None)), "no_effect": NO_EFFECT,
@@ -413,9 +422,25 @@ def comparison_page(
         "same": list(map(_measure_name, same_everywhere)),
         "parameters": list(map(str, comparison.parameters)),
         "measures": list(map(_metric_label, comparison.measures)),
-        "rows": _list_rows(comparison, commits or {}), "previews": uris,
+        "rows": _list_rows(comparison, commits or {}),
+        "previews": _preview_uris(comparison, previews or {}),
         "charts": [(name, figure.to_json()) for name, figure in charts.items() if figure],
         "fronts": [(name, figure.to_json()) for name, figure in fronts.items()],
         "axes": draw_parallel_axes(comparison).to_json(), "plotly": get_plotlyjs(),
     }  # fmt: skip
     return render_template("compare.html.j2", values)
+
+
+def _preview_uris(
+    comparison: Comparison, previews: Mapping[str, Preview]
+) -> dict[str, tuple[str, str]]:
+    """Return picture and film of each experiment's first run as data URIs, by experiment.
+
+    previews: of some runs, by the name of the run; other experiments are left out.
+    """
+    uris = {}
+    for name, run in zip(comparison.parameters.index, comparison.first_runs, strict=True):
+        if run in previews:
+            picture = data_uri("image/webp", previews[run].picture)
+            uris[str(name)] = picture, data_uri("video/mp4", previews[run].film)
+    return uris

@@ -155,26 +155,26 @@ def _measure_effect(
     near_zero = _EQUAL * float(raw.abs().max())
     deviations = measure - measure.groupby(cell).transform("mean")
     spread = float(np.sqrt((deviations**2).sum() / freedom)) if freedom else np.nan
-    # Which values are no worse than the best by more than the seeds explain.
     good = good_direction(str(raw.name))
     top = int(np.argmin(means) if good == LOWER else np.argmax(means))  # the best value
+    # The size, and which values are no worse than the best by more than the seeds explain.
     differences, size = np.abs(means - means[top]), np.nan
     if np.ptp(means) <= near_zero:
         size, best = 0.0, np.ones(len(means), bool)
-    elif not freedom or spread <= near_zero:
+    elif not freedom or spread <= near_zero:  # no seeds to compare with, or they change nothing
         size, best = np.inf if freedom else np.nan, differences <= near_zero
     else:  # the test of Tukey and Kramer
         size = float(np.ptp(means)) / spread
         scale = spread * np.sqrt((1 / counts + 1 / counts[top]) / 2)
         best = studentized_range.sf(differences / scale, len(means), freedom) >= SIGNIFICANCE
-    number_count = len({value for value in setting if not is_category(value)})
     effect = Effect(
         parameter=parameter, measure=str(raw.name), values=values, means=means, spread=spread,
         size=size, best=best, verdict="",
     )  # fmt: skip
-    same = float(np.ptp(raw)) <= near_zero
-    verdict = SAME if same else _describe_effect(effect, good, number_count)
-    return effect._replace(verdict=verdict)
+    if float(np.ptp(raw)) <= near_zero:
+        return effect._replace(verdict=SAME)
+    number_count = len({value for value in setting if not is_category(value)})
+    return effect._replace(verdict=_describe_effect(effect, good, number_count))
 
 
 def _describe_effect(effect: Effect, good: str, number_count: int) -> str:
