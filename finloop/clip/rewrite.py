@@ -62,7 +62,7 @@ REPAIRED_BY = {
 """The parameter that says when a repair is made, by the repair's name among the metrics."""
 
 # First the repairs of single pictures, then those of light and camera, which are measured on them.
-_PICTURE_REPAIRS, _TAKING_REPAIRS = {"deinterlace", "undouble"}, {"even_light", "steady"}
+_PICTURE_REPAIRS, _VIEW_REPAIRS = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class ClipResult:
         metrics = dict(vars(self.quality))
         if self.mended:
             metrics |= {f"filmed_{name}": value for name, value in vars(self.filmed).items()}
-        repairs = sorted(_PICTURE_REPAIRS | _TAKING_REPAIRS)
+        repairs = sorted(_PICTURE_REPAIRS | _VIEW_REPAIRS)
         metrics |= {f"refused_{name}": 1 for name in sorted(self.refused)}
         return metrics | {f"mended_{name}": int(name in self.mended) for name in repairs}
 
@@ -164,7 +164,7 @@ def make_clip(
     if not isinstance(p, FootageSettings):
         return result
     reading = _Reading()
-    for kind in (_PICTURE_REPAIRS, _TAKING_REPAIRS):
+    for kind in (_PICTURE_REPAIRS, _VIEW_REPAIRS):
         todo = choose_repairs(p, result.quality, min(arena.shape)) & kind
         if _is_retimed(result.facts):
             todo.discard("undouble")
@@ -228,7 +228,7 @@ def _add_repairs(reading: _Reading, todo: set[str], before: ClipResult, tank: Pi
         reading = reading._replace(fields=fields)
     if "undouble" in todo:
         reading = reading._replace(repeats=find_repeats(np.array(before.tally.changes)))
-    if todo & _TAKING_REPAIRS:
+    if todo & _VIEW_REPAIRS:
         corrector = _FrameCorrector(tank, light="even_light" in todo, place="steady" in todo)
         reading = reading._replace(corrector=corrector)
     return reading

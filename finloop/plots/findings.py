@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Picture
+from finloop.base.arrays import Mask, Picture
 from finloop.clip.check import BLACK, WHITE, to_grey
 from finloop.clip.light import smooth_light
 from finloop.clip.shake import find_landmarks
 from finloop.extract.background import Scene
 from finloop.extract.samples import TypicalFish
-from finloop.extract.segment import Edge
+from finloop.extract.segment import Edge, Silhouette
 from finloop.extract.settings import ExtractSettings
 from finloop.plots.extract import judge_silhouettes, trace_outlines
 from finloop.plots.parts import convert_to_colour
@@ -84,19 +84,9 @@ def draw_animal_fault(
     most, shown = 0.0, None
     for label, frame in frames:
         for silhouette, verdict in judge_silhouettes(frame, scene, typical, arena, settings):
-            (height, width), marked = silhouette.mask.shape, silhouette.mask
-            if word in ("black", "white"):
-                rows = slice(silhouette.y0, silhouette.y0 + height)
-                level = to_grey(frame[rows, silhouette.x0 : silhouette.x0 + width])
-                marked = marked & (level <= BLACK if word == "black" else level >= WHITE)
-                worth = float(marked.sum())
-            elif word == "border":
-                worth = silhouette.area_px * (verdict == "at border")
-            else:
-                ratio = silhouette.area_px / typical.area_px
-                worth = min(ratio, 1 / ratio) * (verdict == "fish")
+            worth, marked = _judge_example(word, silhouette, verdict, frame, typical)
             if worth > most:
-                corner = silhouette.x0, silhouette.y0
+                (height, width), corner = marked.shape, (silhouette.x0, silhouette.y0)
                 outlines = trace_outlines(marked, corner)
                 most, shown = worth, (label, frame.copy(), (*corner, width, height), outlines)
     if shown is None:
@@ -104,6 +94,25 @@ def draw_animal_fault(
     label, frame, box, outlines = shown
     picture = _crop_around(frame, box, outlines)
     return FaultPicture(picture, f"{_CAPTIONS[word]}, outlined: {label}.")
+
+
+def _judge_example(
+    word: str, silhouette: Silhouette, verdict: str, frame: Picture, typical: TypicalFish
+) -> tuple[float, Mask]:
+    """Return how well a silhouette shows a fault, 0 if not at all, and the mask of what to outline.
+
+    word, typical: as in `draw_animal_fault`; verdict: of `judge_silhouettes`.
+    """
+    if word in ("black", "white"):
+        height, width = silhouette.mask.shape
+        rows = slice(silhouette.y0, silhouette.y0 + height)
+        level = to_grey(frame[rows, silhouette.x0 : silhouette.x0 + width])
+        lost = silhouette.mask & (level <= BLACK if word == "black" else level >= WHITE)
+        return float(lost.sum()), lost
+    if word == "border":
+        return silhouette.area_px * (verdict == "at border"), silhouette.mask
+    ratio = silhouette.area_px / typical.area_px
+    return min(ratio, 1 / ratio) * (verdict == "fish"), silhouette.mask
 
 
 def _draw_lights(numbers: list[int], read_frames: ReadFrames) -> FaultPicture:

@@ -123,8 +123,8 @@ def paint_strips(
     """Draw a film's picture into a canvas along another backbone, by a plan of `plan_strips`.
 
     canvas: (H, W, c), zero, becomes 0 … 1; film: (h, w, c) 0 … 255; both premultiplied, alpha last.
-    layout: the plan; mode: scale, side and filter; corner: row and column of the
-    canvas's first pixel. Where two parts of the body meet, the one with more alpha is visible.
+    layout: the plan; mode: scale, side and filter; corner: row and column of the canvas's first
+    pixel. Where two parts of the body meet, the one with more alpha is visible.
     """
     for i in range(len(layout.reach)):
         if layout.reach[i, 0] + layout.reach[i, 1] > 0:
