@@ -97,21 +97,21 @@ def compute_film_states(
     # The first row of a track has no speeds yet, so the past begins at the second.
     usable = (row_in_track > lags[-1]) & next_row & np.isfinite(control).all(1)
     _refuse_poor_film(control[usable], features["swimming_type"].to_numpy()[usable])
+    scale = np.maximum(np.nanstd(states, axis=0), _LEAST_SD)
+    control_scale = np.sqrt(np.nanmean(control**2, axis=0))
     # Matrix and signs that mirror a state and a control.
     mirror_states, mirror_control = np.eye(code_count + MOTION), np.ones(2)
     if mirror is not None:
         mirror_states[:code_count, :code_count] = np.asarray(mirror)[:code_count, :code_count]
         mirror_states[-2, -2] = mirror_states[-1, -1] = -1  # speed to the left, turning
         mirror_control[1] = -1  # the angle
-    film_row = np.arange(n if mirror is None else 2 * n) % n  # of each row or mirror image
-    is_mirror = (np.arange(len(film_row)) >= n)[:, None]
+        states = np.concatenate([states, states @ mirror_states])
+        control = np.concatenate([control, control * mirror_control])
+        usable, frame = np.tile(usable, 2), np.tile(frame, 2)
     return FilmStates(
-        states=np.where(is_mirror, (states @ mirror_states)[film_row], states[film_row]),
-        control=np.where(is_mirror, (control * mirror_control)[film_row], control[film_row]),
-        usable=usable[film_row], mirror=mirror_states, side=mirror_control, lags=lags,
-        scale=np.maximum(np.nanstd(states, axis=0), _LEAST_SD),
-        control_scale=np.sqrt(np.nanmean(control**2, axis=0)), frame=frame[film_row],
-        delta=delta, rate_hz=rate_hz, count=n, memory=measure_memory_frames(codes, track),
+        states=states, control=control, usable=usable, mirror=mirror_states, side=mirror_control,
+        lags=lags, scale=scale, control_scale=control_scale, frame=frame, delta=delta,
+        rate_hz=rate_hz, count=n, memory=measure_memory_frames(codes, track),
     )  # fmt: skip
 
 

@@ -165,11 +165,8 @@ def motion_graph(
     rows["lag_sum"][1:] = row_lags(rows).cumsum()[:-1]
     if len(jumps.jump_slot) > n:
         rows = np.concatenate([rows, _mirror_rows(rows)])
-        barred = np.tile(barred, 2)
     rows["jump_slot"] = jumps.jump_slot
     graph = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
-    graph = graph.keep_jumps(~barred[jumps.to])
-    del jumps  # a film of hours has 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
     rows["recurrent"] = find_endless_rows(has_next, jump_slot, graph.start, graph.to)
