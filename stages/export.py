@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 
 from finloop.base.arrays import Picture
+from finloop.base.poses import Poses
 from finloop.export.pictures import (
     READABLE,
     FishOnlyPainter,
@@ -28,6 +29,7 @@ from finloop.io.movie import AlphaWebpWriter, WebmWriter
 from finloop.io.poses.save import save_netcdf, save_nwb
 from finloop.io.record import save_json
 from finloop.io.table import save_csv, save_csv_in_blocks, save_table
+from finloop.io.video import VideoFacts
 from finloop.project import EditSources, Project
 from finloop.render.gallery import place_ticks
 from finloop.render.painter import Box
@@ -112,6 +114,22 @@ def _save_page(
     save_bytes(folder / "stimulus.html", text.encode())
 
 
+def _save_tracks(folder: Path, p: ExportSettings, points: Poses, facts: VideoFacts) -> None:
+    """Write the animals' tracks as tables (tracks.csv, in mm too), and as netCDF and NWB if asked.
+
+    points: the animals' keypoints, px; facts: about the clip.
+    """
+    mm_per_px = facts.mm_per_px
+    save_csv_in_blocks(folder / "tracks.csv", deeplabcut_tables(points), decimals=3)
+    if mm_per_px is not None:
+        in_mm = replace(points, places=points.places * mm_per_px)
+        save_csv_in_blocks(folder / "tracks_mm.csv", deeplabcut_tables(in_mm), decimals=4)
+    if p.tracks_netcdf:
+        save_netcdf(folder / "tracks.nc", points, facts.frame_rate, mm_per_px)
+    if p.tracks_nwb:
+        save_nwb(folder / "nwb", points, facts.frame_rate, mm_per_px)
+
+
 def animal_names(project: Project, tracks: pd.DataFrame) -> pd.Series:
     """Return the animal's name for each row of the table of tracks.
 
@@ -156,14 +174,7 @@ def main() -> None:
         readable_edit = add_film_sources(edit, tracks, sprites, mm_per_px, length_px)
         save_csv(folder / f"{p.mode}.csv", flatten_poses(readable_edit), decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", readable_edit, READABLE)
-        save_csv_in_blocks(folder / "tracks.csv", deeplabcut_tables(points), decimals=3)
-        if mm_per_px is not None:
-            in_mm = replace(points, places=points.places * mm_per_px)
-            save_csv_in_blocks(folder / "tracks_mm.csv", deeplabcut_tables(in_mm), decimals=4)
-        if p.tracks_netcdf:
-            save_netcdf(folder / "tracks.nc", points, facts.frame_rate, mm_per_px)
-        if p.tracks_nwb:
-            save_nwb(folder / "nwb", points, facts.frame_rate, mm_per_px)
+        _save_tracks(folder, p, points, facts)
     animation = films["films"][p.mode]
     metrics = {
         "crop_width_px": animation["width_px"],

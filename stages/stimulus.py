@@ -374,6 +374,7 @@ def _number_up_to(most: float) -> Callable[[str], float]:
     """Return a function that parses a command-line number from 0 to `most`; it refuses others."""
 
     def parse_number(text: str) -> float:
+        """Parse a number; raise an error if it is out of range."""
         if not 0 <= float(text) <= most:
             raise argparse.ArgumentTypeError(f"{text} is not 0 … {most:g}")
         return float(text)

@@ -22,6 +22,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.extract.film import Detections, NoTrackError, TrackedFish
 from finloop.extract.samples import Verdict
+from finloop.extract.segment import SegmentedFish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.tracks import SilhouettePlace
 
@@ -295,18 +296,11 @@ class ExternalTrackLinker:
         waiting: dict[int, list[TrackedFish]] = {}  # by animal, runs that are still too short
         running: dict[int, int] = {}  # animal → its track, of runs that are long enough
         runs: Counter[int] = Counter()  # long runs so far, by animal
-        for number, (verdicts, spots, fish) in enumerate(detections):
-            rows = self._given.rows_of_frame(number)
-            animals = self._given.individual[rows].tolist()
-            matches = match_silhouettes(self._given.points[rows], spots, self._length)
-            seen: dict[int, TrackedFish] = {}  # by animal; the track is set below
-            for animal, (outcome, silhouette) in zip(animals, matches, strict=True):
-                self.outcomes[animal, outcome] += 1
-                if outcome != "used" or silhouette is None:
-                    continue
-                measures = fish[silhouette]
-                if measures is not None:
-                    seen[animal] = TrackedFish(0, number, measures)
+        for number, detected in enumerate(detections):
+            seen = {
+                animal: TrackedFish(0, number, fish)  # the track is set below
+                for animal, fish in self._find_animals(number, detected)
+            }
             if number in cuts:
                 self._end_runs(set(), waiting, running)
             self._end_runs(set(seen), waiting, running)
@@ -319,8 +313,25 @@ class ExternalTrackLinker:
                     runs[animal] += 1
                 if animal in running:
                     ready += [f._replace(track_id=running[animal]) for f in waiting.pop(animal)]
-            yield Counter(verdicts), ready
+            yield Counter(detected.verdicts), ready
         self._end_runs(set(), waiting, running)
+
+    def _find_animals(
+        self, number: int, detected: Detections
+    ) -> Iterator[tuple[int, SegmentedFish]]:
+        """Yield the animals that have their own silhouettes in a frame, with the fish's measures.
+
+        The outcomes of all animals are counted. number: of the frame; detected: in it.
+        """
+        rows = self._given.rows_of_frame(number)
+        animals = self._given.individual[rows].tolist()
+        matches = match_silhouettes(self._given.points[rows], detected.spots, self._length)
+        for animal, (outcome, silhouette) in zip(animals, matches, strict=True):
+            self.outcomes[animal, outcome] += 1
+            if outcome == "used" and silhouette is not None:
+                fish = detected.fish[silhouette]
+                if fish is not None:  # it has a backbone
+                    yield animal, fish
 
     def no_track_error(self) -> NoTrackError:
         """Return the error to raise where no animal can be followed long enough for a track."""

@@ -130,12 +130,7 @@ def measure_features(
     are not NaN, they decide which end is the head. The feature table has the columns `FEATURES`:
     place, heading, bend, motion and swimming type.
     """
-    if not pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]).is_monotonic_increasing:
-        raise FinloopError(
-            "the table of tracks is not sorted by track_id, frame",
-            "the table that the stage `extract` writes, whose rows are those of the cut-outs",
-            "make it again: `dvc repro --force extract`",
-        )
+    _refuse_unsorted(tracks)
     rows_of_tracks = track_slices(tracks)
     backbone, confidence = orient_backbones(tracks, rate_hz, given, settings.head)
     place = tracks[["x_px", "y_px"]].to_numpy(float)
@@ -145,13 +140,6 @@ def measure_features(
     if delta_s == "auto":
         delta_s = measure_delta_s([bend[rows] for rows in rows_of_tracks], rate_hz)
     delta = delta_in_frames(delta_s, rate_hz)
-    thresholds = choose_turn_thresholds(heading, bend, rows_of_tracks, delta, settings)
-    types = []
-    for rows in rows_of_tracks:
-        turn_deg = heading_change(heading[rows], delta)
-        types.append(
-            classify_swimming_types(turn_deg, bend[rows], thresholds, settings.turn_end_threshold)
-        )
     current = settings.water_current_bl_s  # of the water, against which animals may swim
     if current == "auto":
         tail_px = to_body_axes(backbone[:, -1] - backbone[:, 0], np.radians(heading))[:, 1]
@@ -178,13 +166,41 @@ def measure_features(
             "motion_area_rel": area / (area.max() or 1.0),
             "bend": bend,
             "current": current,
-            "swimming_type": np.concatenate(types),
+            "swimming_type": _find_swimming_types(heading, bend, rows_of_tracks, delta, settings),
             "head_confidence": confidence,
         }
     )
     displacement, turn = _measure_motion_over_delta(table, rows_of_tracks, delta)
     table = table.assign(displacement=displacement, included_angle_deg=turn)
     return table[FEATURES.names], backbone.astype(np.float32)
+
+
+def _refuse_unsorted(tracks: pd.DataFrame) -> None:
+    """Raise FinloopError unless a table of tracks is in the order (track_id, frame)."""
+    if not pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]).is_monotonic_increasing:
+        raise FinloopError(
+            "the table of tracks is not sorted by track_id, frame",
+            "the table that the stage `extract` writes, whose rows are those of the cut-outs",
+            "make it again: `dvc repro --force extract`",
+        )
+
+
+def _find_swimming_types(
+    heading_deg: Floats, bend: Floats, tracks: Sequence[slice], delta_frames: int,
+    settings: FeaturesSettings,
+) -> NDArray[np.int8]:  # fmt: skip
+    """Return the swimming type (n,) of every row, by its bend and the change of heading over Δ.
+
+    heading_deg, bend (n,): of every row; tracks: the rows of each track.
+    """
+    thresholds = choose_turn_thresholds(heading_deg, bend, tracks, delta_frames, settings)
+    types = []
+    for rows in tracks:
+        turn_deg = heading_change(heading_deg[rows], delta_frames)
+        types.append(
+            classify_swimming_types(turn_deg, bend[rows], thresholds, settings.turn_end_threshold)
+        )
+    return np.concatenate(types)
 
 
 def _measure_motion_over_delta(

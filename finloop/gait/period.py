@@ -106,8 +106,9 @@ def _signed_main_mode(modes: Floats, complete: Floats) -> Floats:
     modes (frames, m): scores of the principal modes, whose signs are arbitrary; complete (c, k):
     the frames with all coordinates.
     """
-    mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
-    return np.asarray(modes[:, 0] * np.sign(mode[np.abs(mode).argmax()]))
+    directions = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2]
+    main = directions[0]  # (k,) of the strongest mode
+    return np.asarray(modes[:, 0] * np.sign(main[np.abs(main).argmax()]))
 
 
 def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:

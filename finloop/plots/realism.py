@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from finloop.base.arrays import Picture
@@ -29,39 +30,61 @@ def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     colours = dict(zip(modes, COLOURS, strict=False)) | _GREY
     figure = Figure(figsize=(12, 4.6), layout="constrained")
     curves, bars = figure.subplots(1, 2, width_ratios=(1, 1.6))
-    curves.plot([0, 1], [0, 1], color="0.8", lw=1)
-    if table.empty:
-        curves.text(0.5, 0.5, "the film is too short", ha="center")
-    channels = ["all", *CHANNELS]
-    width = 0.8 / max(len(names), 1)
-    # A curve and a group of bars for each comparison.
-    for number, name in enumerate(names):
-        areas = table[table["compared"] == name].set_index("channel")
-        value, low, high = (float(areas.at["all", key]) for key in ("auc", "low", "high"))
+    areas = {  # by channel
+        name: table[table["compared"] == name].set_index("channel") for name in names
+    }
+    _draw_roc_curves(curves, areas, roc, colours)
+    _draw_area_bars(bars, areas, colours)
+    return figure
+
+
+def _draw_roc_curves(
+    axes: Axes, areas: Mapping[str, pd.DataFrame], roc: pd.DataFrame, colours: Mapping[str, str]
+) -> None:
+    """Draw the ROC curve of each comparison, with the area under it in the legend.
+
+    areas, colours: by name of the comparison; roc: as in `draw_roc`.
+    """
+    axes.plot([0, 1], [0, 1], color="0.8", lw=1)
+    for name, area in areas.items():
+        value, low, high = (float(area.at["all", key]) for key in ("auc", "low", "high"))
         curve = roc[roc["compared"] == name]
-        curves.plot(
+        axes.plot(
             curve["false_alarms"], curve["hits"], color=colours[name],
             label=f"{WORDS.get(name, name)}: {value:.3f} ({low:.2f} – {high:.2f})",
         )  # fmt: skip
-        areas = areas.reindex(channels)
-        places = np.arange(len(channels)) + width * (number - (len(names) - 1) / 2)
-        bars.bar(
-            places, areas["auc"] - 0.5, width, bottom=0.5, color=colours[name],
+    axes.set(xlabel="film windows taken for animation", ylabel="animation windows recognised",
+             xlim=(0, 1), ylim=(0, 1), aspect="equal")  # fmt: skip
+    if areas:
+        axes.legend(frameon=False, loc="lower right", fontsize=7, title="area (95 % interval)",
+                    title_fontsize=7)  # fmt: skip
+    else:
+        axes.text(0.5, 0.5, "the film is too short", ha="center")
+
+
+def _draw_area_bars(
+    axes: Axes, areas: Mapping[str, pd.DataFrame], colours: Mapping[str, str]
+) -> None:
+    """Draw the areas under the ROC curves: for each channel a bar for each comparison.
+
+    areas, colours: by name of the comparison.
+    """
+    channels = ["all", *CHANNELS]
+    width = 0.8 / max(len(areas), 1)
+    for number, (name, area) in enumerate(areas.items()):
+        shown = area.reindex(channels)
+        places = np.arange(len(channels)) + width * (number - (len(areas) - 1) / 2)
+        axes.bar(
+            places, shown["auc"] - 0.5, width, bottom=0.5, color=colours[name],
             label=WORDS.get(name, name), error_kw={"ecolor": "0.2", "lw": 0.8},
-            yerr=[areas["auc"] - areas["low"], areas["high"] - areas["auc"]],
+            yerr=[shown["auc"] - shown["low"], shown["high"] - shown["auc"]],
         )  # fmt: skip
-    # The axes.
-    curves.set(xlabel="film windows taken for animation", ylabel="animation windows recognised",
-               xlim=(0, 1), ylim=(0, 1), aspect="equal")  # fmt: skip
-    if names:
-        curves.legend(frameon=False, loc="lower right", fontsize=7, title="area (95 % interval)",
-                      title_fontsize=7)  # fmt: skip
-        bars.legend(frameon=False, ncols=2)
-    bars.axhline(0.5, color="0.2", lw=0.8)
-    bars.set_xticks(range(len(channels)), ["all four", *CHANNELS])
-    bars.set(ylabel="area under the ROC curve; 0.5: cannot tell")
-    bars.set_ylim(min(0.4, bars.get_ylim()[0]), 1.0)
-    return figure
+    if areas:
+        axes.legend(frameon=False, ncols=2)
+    axes.axhline(0.5, color="0.2", lw=0.8)
+    axes.set_xticks(range(len(channels)), ["all four", *CHANNELS])
+    axes.set(ylabel="area under the ROC curve; 0.5: cannot tell")
+    axes.set_ylim(min(0.4, axes.get_ylim()[0]), 1.0)
 
 
 def draw_false_windows(

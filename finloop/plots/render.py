@@ -136,11 +136,11 @@ def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
 
     Turns to both sides count.
     """
+    if len(edit) <= count:
+        return 0
     heading = np.radians(edit["heading_deg"].to_numpy(float))
     change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
     change_before = np.cumsum(np.r_[0.0, change])
-    if len(edit) <= count:
-        return 0
     return int(np.argmax(change_before[count:] - change_before[:-count]))
 
 
