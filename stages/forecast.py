@@ -84,6 +84,14 @@ def _measure_forecast(
     }
 
 
+def _save_reason(folder: Path, error: FinloopError) -> None:
+    """Print why there is no model, and write it to `folder`, and a report without numbers."""
+    print(f"forecast: no model, so mode matching predicts nothing: {error}", file=sys.stderr)
+    save_json(folder / "reason.json", {"reason": str(error)})
+    save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE), decimals=4)
+    save_metrics(REPORT / "metrics.json", {"models": 0})
+
+
 def main() -> None:
     """Train the network that predicts pose and motion; write data/forecast/ and reports/forecast/.
 
@@ -106,12 +114,7 @@ def main() -> None:
                 model, curve = train_predictor(film, parts, p, advance)
                 graph = graph_job.result()
         except FinloopError as error:
-            print(
-                f"forecast: no model, so mode matching predicts nothing: {error}", file=sys.stderr
-            )
-            save_json(folder / "reason.json", {"reason": str(error)})
-            save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE), decimals=4)
-            save_metrics(REPORT / "metrics.json", {"models": 0})
+            _save_reason(folder, error)
             return
         save_json(folder / "model.json", model.record())
         sampler = build_sampler(film, model, graph, p)

@@ -138,7 +138,8 @@ def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
     if not isinstance(common, Mapping):
         problems.append("its settings are no `parameter: value`")
     runs: dict[str, Overrides] = {}
-    for name, film in (films or {}).items() if not problems else ():
+    listed = films.items() if isinstance(films, Mapping) and not problems else ()
+    for name, film in listed:
         if not NAME.fullmatch(str(name)):
             problems.append(f"the name {name!r} has more than letters, digits, _ and -")
         settings = {"path": film} if isinstance(film, str) else film

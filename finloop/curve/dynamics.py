@@ -421,36 +421,16 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
     Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q): stable at any Δt. FinloopError if the times are
     not evenly spaced.
     """
-    substeps, intervals = options.substeps, np.diff(problem.times)
-    if (
-        substeps < 1
-        or not len(intervals)
-        or not np.allclose(intervals, intervals[0], rtol=1e-9, atol=0)
-    ):
-        raise FinloopError(
-            f"{len(problem.times)} times, perhaps unevenly spaced, and {substeps} substeps",
-            "two or more evenly spaced times and at least 1 substep, for Euler's method",
-            "correct the times or options.substeps, or use the method modal",
-        )
-    step = float(intervals.mean()) / substeps
+    substeps, step = options.substeps, _euler_step(problem.times, options.substeps)
     system = _wavelet_system(problem, options)
     c, k, force = system.c, system.k, system.force  # C, K and Q in the wavelet basis
     if not implicit:
-        stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
-        material = problem.material
-        fastest = stiffest / (material.mass_damping + material.stiffness_damping * stiffest)
-        if step * fastest > 2:
-            raise FinloopError(
-                f"explicit Euler with steps of {step:.3g}",
-                f"steps of {2 / fastest:.3g} at most: longer steps are unstable",
-                f"set options.substeps to {int(np.ceil(substeps * step * fastest / 2))} or "
-                "more, or use implicit-euler",
-            )
+        _refuse_unstable_step(k, problem.material, step, substeps)
     solve_step = _build_solver(csr_array(c + step * k) if implicit else c, options.inverse)
     solve_rate = _build_solver(c, "sparse") if implicit else solve_step  # q̇ = C⁻¹(Q − K q)
     q = system.transform(problem.displacement)
     states = [q]
-    for _ in intervals:
+    for _ in problem.times[1:]:
         for _ in range(substeps):
             if implicit:
                 q = solve_step(c @ q + step * force)
@@ -460,6 +440,41 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
     rates = [solve_rate(force - k @ q) for q in states]
     displacement, velocity = system.inverse(np.stack(states)), system.inverse(np.stack(rates))
     return Trajectory(problem.times, displacement, velocity)
+
+
+def _euler_step(times: Floats, substeps: int) -> float:
+    """Return Δt, the length of Euler's steps, `substeps` of them from one of the times to the next.
+
+    FinloopError if the times are not evenly spaced.
+    """
+    intervals = np.diff(times)
+    if (
+        substeps < 1
+        or not len(intervals)
+        or not np.allclose(intervals, intervals[0], rtol=1e-9, atol=0)
+    ):
+        raise FinloopError(
+            f"{len(times)} times, perhaps unevenly spaced, and {substeps} substeps",
+            "two or more evenly spaced times and at least 1 substep, for Euler's method",
+            "correct the times or options.substeps, or use the method modal",
+        )
+    return float(intervals.mean()) / substeps
+
+
+def _refuse_unstable_step(k: csr_array, material: Material, step: float, substeps: int) -> None:
+    """Raise FinloopError if explicit Euler's steps are too long to be stable.
+
+    k: the stiffness matrix K; step: Δt; substeps: number of steps between two times.
+    """
+    stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
+    fastest = stiffest / (material.mass_damping + material.stiffness_damping * stiffest)
+    if step * fastest > 2:
+        raise FinloopError(
+            f"explicit Euler with steps of {step:.3g}",
+            f"steps of {2 / fastest:.3g} at most: longer steps are unstable",
+            f"set options.substeps to {int(np.ceil(substeps * step * fastest / 2))} or "
+            "more, or use implicit-euler",
+        )
 
 
 def _build_solver(matrix: csr_array, method: str) -> Callable[[Floats], Floats]:

@@ -124,12 +124,20 @@ def find_silhouettes(
         if edge_rule.fins == "none" or not parts:
             yield from (part for part, _ in parts)
         else:
-            pale = patch > scene.threshold
-            if edge_rule.fins != "all":
-                gain = film.astype(np.int16) - tank
-                darker = (gain if gain.ndim == 2 else gain.sum(axis=2)) < 0
-                pale &= darker if edge_rule.fins == "darker" else ~darker
+            pale = (patch > scene.threshold) & _may_show_fin(film, tank, edge_rule.fins)
             yield from _assign_pale_pixels(parts, patch_edge, patch, (left, top), pale)
+
+
+def _may_show_fin(film: Picture, tank: Picture, fins: Fins) -> Mask:
+    """Return a mask (h, w) of the pixels that a fin can have: all, or those darker or brighter.
+
+    film, tank: (h, w[, 3]), with and without the fish.
+    """
+    if fins == "all":
+        return np.ones(film.shape[:2], bool)
+    gain = film.astype(np.int16) - tank
+    darker = (gain if gain.ndim == 2 else gain.sum(axis=2)) < 0
+    return np.asarray(darker if fins == "darker" else ~darker)
 
 
 def _find_animal_pixels(

@@ -55,6 +55,16 @@ class Transfer:
     lifted: tuple[str, ...]
 
 
+def _count_frames_outside(morph: Morph) -> dict[str, int]:
+    """Count the frames in which a contour leaves the picture, by name; only those that do."""
+    size = [morph.width, morph.height]
+    counts = {
+        name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
+        for name, stack in morph.layers.items()
+    }
+    return {name: count for name, count in counts.items() if count}
+
+
 def animate_drawing(
     key1: Drawing,
     key2: Drawing,
@@ -91,16 +101,11 @@ def animate_drawing(
     support = gait.support if swap else {}
     tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)  # from 0 at key 1 to 1 at 1', and back
     morph = build_morph(key1, key2, tau, plant_feet(layers, support), DIGITS, repeats=True)
-    size = [morph.width, morph.height]
-    outside = {
-        name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
-        for name, stack in morph.layers.items()
-    }
     return Transfer(
         morph,
         before=_ground_in_widths(layers, support, width),
         after=_ground_in_widths(morph.layers, support, width),
-        outside={name: count for name, count in outside.items() if count},
+        outside=_count_frames_outside(morph),
         lifted=_find_lifted_feet(keys[1], gait, layout.offsets or {}) if swap else (),
     )
 

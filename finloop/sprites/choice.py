@@ -417,6 +417,30 @@ def _find_substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
     return candidates.assign(weaker=1 - candidates["weaker"] / candidates["weaker"].max())
 
 
+def _find_turn_span(
+    track: pd.DataFrame, bend: Floats, side: int, peak_row: int, settings: SpritesSettings
+) -> tuple[int, int] | None:
+    """Return the first and the last row of the turn around a row; None if the turn is not whole.
+
+    All are as in `_measure_turn`.
+    """
+    first = _find_straightest_row(bend, peak_row, 0, settings)
+    last = _find_straightest_row(bend, peak_row, len(bend) - 1, settings)
+    earlier = first - 1  # the head has begun to turn by the first frame that is bent at all
+    if earlier >= 0 and abs(bend[earlier]) < settings.bent * bend[peak_row]:
+        first = earlier
+    inside = slice(first, last + 1)
+    strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak_row]) + first
+    is_whole = (
+        strong[0] != first  # it does not begin strongly bent, nor end so
+        and strong[-1] != last
+        and last + 1 < len(bend)  # a frame follows, to compare with
+        and track["usable"].to_numpy()[inside].all()
+        and (track["type"].to_numpy()[inside] != -side).all()
+    )
+    return (first, last) if is_whole else None
+
+
 def _measure_turn(
     track: pd.DataFrame, bend: Floats, side: int, peak_row: int, strongest_bend: float,
     settings: SpritesSettings,
@@ -427,20 +451,11 @@ def _measure_turn(
     rows of the table of swimmers; bend: to the side, of each row; side: 1 left, −1 right; peak_row:
     where the bend is largest; strongest_bend: of the film.
     """
-    first = _find_straightest_row(bend, peak_row, 0, settings)
-    last = _find_straightest_row(bend, peak_row, len(bend) - 1, settings)
-    earlier = first - 1  # the head has begun to turn by the first frame that is bent at all
-    if earlier >= 0 and abs(bend[earlier]) < settings.bent * bend[peak_row]:
-        first = earlier
+    span = _find_turn_span(track, bend, side, peak_row, settings)
+    if span is None:
+        return None
+    first, last = span
     inside = slice(first, last + 1)
-    # Not whole: it begins or ends strongly bent, or no frame follows to compare with.
-    strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak_row]) + first
-    if first == strong[0] or last == strong[-1] or last + 1 >= len(bend):
-        return None
-    if not track["usable"].to_numpy()[inside].all():
-        return None
-    if (track["type"].to_numpy()[inside] == -side).any():
-        return None
     heading = track["heading"].to_numpy()[first : last + 2]
     step = side * np.diff(smooth_series(heading))
     if step.sum() < settings.min_turn_deg:
