@@ -31,46 +31,6 @@ class Path(NamedTuple):
     asked: Route
 
 
-def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
-    """Return the path, in px of the clip, along a given line in the tank, twice: see `Path`.
-
-    `Path.route` is the path to steer by, moved to where the fish's centre may be; `Path.asked` is
-    the requested one, with finer steps, against which errors are measured. mm_per_px: scale of the
-    film, None if unknown. Detail finer than 0.05 body lengths is left out. Without times, a line
-    that ends where it began is closed. FinloopError if it leaves the arena, is hardly longer than a
-    point, or is in mm and the scale is not known.
-    """
-    length = motion.body_length_px
-    x, y = _line_in_px(line, tank, mm_per_px)
-    _refuse_line_outside(line, tank, x, y)
-    # The line without fine detail; a closed one returns to its first point.
-    grain, heading = _GRAIN * length, line.heading_deg
-    ends_at_start = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= grain
-    closed = line.closed or (line.time_s is None and bool(ends_at_start))
-    if closed:
-        x, y = np.append(x, x[0]), np.append(y, y[0])
-        heading = None if heading is None else np.append(heading, heading[0])
-    starts = _grain_starts(x, y, grain)
-    x, y = _grain_means(x, starts), _grain_means(y, starts)
-    if heading is not None:
-        heading = _grain_means(np.unwrap(heading, period=360), starts)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
-    if along[-1] < 2 * _STEP * length:
-        raise FinloopError(
-            f"{line.name} is {along[-1] / length:.2f} body lengths long",
-            f"a path of at least {2 * _STEP:g} body lengths",
-            "draw a longer path, or correct its unit (matching.path_unit)",
-        )
-    due_px = np.zeros(0)  # px along the path that are due at each tick; empty without times
-    if line.time_s is not None:
-        time_s = _grain_means(line.time_s - line.time_s[0], starts)
-        ticks = np.arange(int(time_s[-1] * motion.rate_hz + 1e-6) + 1)
-        due_px = np.interp(ticks / motion.rate_hz, time_s, along)
-    points = _PathPoints(x, y, heading, along, closed, due_px)
-    route, asked = (_resample_path(points, step_bl, length) for step_bl in (_STEP, _FINE_STEP))
-    return Path(_move_off_walls(route, tank, grain), asked)
-
-
 class _PathPoints(NamedTuple):
     """The points (n,) of a path without fine detail: x, y px; headings in degrees, if given.
 
@@ -84,6 +44,56 @@ class _PathPoints(NamedTuple):
     along_px: Floats
     closed: bool
     due_px: Floats
+
+
+def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
+    """Return the path, in px of the clip, along a given line in the tank, twice: see `Path`.
+
+    `Path.route` is the path to steer by, moved to where the fish's centre may be; `Path.asked` is
+    the requested one, with finer steps, against which errors are measured. mm_per_px: scale of the
+    film, None if unknown. Detail finer than 0.05 body lengths is left out. Without times, a line
+    that ends where it began is closed. FinloopError if it leaves the arena, is hardly longer than a
+    point, or is in mm and the scale is not known.
+    """
+    length = motion.body_length_px
+    x, y = _line_in_px(line, tank, mm_per_px)
+    _refuse_line_outside(line, tank, x, y)
+    points = _leave_out_detail(line, x, y, _GRAIN * length, motion.rate_hz)
+    if points.along_px[-1] < 2 * _STEP * length:
+        raise FinloopError(
+            f"{line.name} is {points.along_px[-1] / length:.2f} body lengths long",
+            f"a path of at least {2 * _STEP:g} body lengths",
+            "draw a longer path, or correct its unit (matching.path_unit)",
+        )
+    route, asked = (_resample_path(points, step_bl, length) for step_bl in (_STEP, _FINE_STEP))
+    return Path(_move_off_walls(route, tank, _GRAIN * length), asked)
+
+
+def _leave_out_detail(
+    line: Line, x: Floats, y: Floats, grain: float, rate_hz: float
+) -> _PathPoints:
+    """Return the points of a line without detail finer than `grain` px.
+
+    x, y (n,): the line's points, px. A closed line returns to its first point; a line without times
+    is closed, too, if it ends within a grain of its beginning. rate_hz: ticks per second.
+    """
+    heading = line.heading_deg
+    ends_at_start = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= grain
+    closed = line.closed or (line.time_s is None and bool(ends_at_start))
+    if closed:
+        x, y = np.append(x, x[0]), np.append(y, y[0])
+        heading = None if heading is None else np.append(heading, heading[0])
+    starts = _grain_starts(x, y, grain)
+    x, y = _grain_means(x, starts), _grain_means(y, starts)
+    if heading is not None:
+        heading = _grain_means(np.unwrap(heading, period=360), starts)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    due_px = np.zeros(0)  # without times
+    if line.time_s is not None:
+        time_s = _grain_means(line.time_s - line.time_s[0], starts)
+        ticks = np.arange(int(time_s[-1] * rate_hz + 1e-6) + 1)
+        due_px = np.interp(ticks / rate_hz, time_s, along)
+    return _PathPoints(x, y, heading, along, closed, due_px)
 
 
 def _resample_path(points: _PathPoints, step_bl: float, length_px: float) -> Route:

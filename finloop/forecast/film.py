@@ -85,8 +85,8 @@ def compute_film_states(
     delta, n = infer_delta_frames(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
     lags = np.unique(np.round(np.array(p.lags) * delta)).astype(np.int64)
-    variances = (np.asarray(codes, float) ** 2).mean(0).cumsum()
-    code_count = 1 + int(np.searchsorted(variances, p.pose_variance_ratio * variances[-1]))
+    variance = (np.asarray(codes, float) ** 2).mean(0).cumsum()  # of the first 1, 2 … codes
+    code_count = 1 + int(np.searchsorted(variance, p.pose_variance_ratio * variance[-1]))
     states = np.concatenate(
         [np.asarray(codes, float)[:, :code_count], _measure_speeds(features, rate_hz)], 1
     )

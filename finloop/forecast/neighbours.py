@@ -10,7 +10,7 @@ relation is made symmetric, and a step to a row with more neighbours is taken le
 """
 
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,12 +109,10 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     few thousand rows.
     """
     rows, film_rows = film.rows, int((film.rows < film.count).sum())  # with mirror images; without
-    passage, examined = max(film.delta, round(film.memory)), _NEAR * _SPARE * p.neighbours
     pasts, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
     parts = 1 + int(part.max())
-    most_near = max(_MOST // parts, _FEWEST * examined)
 
     @lru_cache(1)
     def index_part(number: int) -> tuple[Ints, Nearest]:
@@ -122,28 +120,32 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
         members = np.flatnonzero(part == number)
         return members, Nearest.from_vectors(pasts[members], MOST if parts == 1 else len(members))
 
-    def find_similar(batch: Ints) -> Ints:
-        """Return the rows (b, count) similar to rows[batch], of one part; −1 for none."""
-        members, index = index_part(int(batch[0]) // _TURN % parts)
-
-        def choose(queries: Ints, near: Ints) -> tuple[tuple[Ints], Mask]:
-            """Return what `_choose_passages` does for some queries (k,), numbers in `batch`.
-
-            near (k, l): numbers in `members`, the nearest first, −1 for none.
-            """
-            candidates = np.where(near < 0, -1, members[near])
-            return _choose_passages(
-                rows, batch, looks, p.look, queries, candidates, examined, passage,
-                count=_SPARE * p.neighbours,
-            )  # fmt: skip
-
-        return index.choose(pasts[batch], examined, choose, most_near)[0]
-
+    apart_rows = max(film.delta, round(film.memory))
+    examined = _NEAR * _SPARE * p.neighbours
+    most_near = max(_MOST // parts, _FEWEST * examined)
     for first in range(0, film_rows, _BATCH):
         batch = np.arange(first, min(first + _BATCH, film_rows))
-        similar = find_similar(batch)
+        members, index = index_part(first // _TURN % parts)
+        choose = partial(_choose_from_part, rows, batch, members, looks, apart_rows, p)
+        similar = index.choose(pasts[batch], examined, choose, most_near)[0]
         query, rank = np.nonzero(similar >= 0)
         yield np.column_stack([rows[batch[query]], similar[query, rank]])
+
+
+def _choose_from_part(
+    rows: Ints, batch: Ints, members: Ints, looks: NDArray[np.float32], apart_rows: int,
+    p: ForecastSettings, queries: Ints, near: Ints,
+) -> tuple[tuple[Ints], Mask]:  # fmt: skip
+    """Return what `_choose_passages` does, given numbers within one part of the film.
+
+    members: numbers in `rows` of the part's rows; queries (k,): numbers in `batch`; near (k, l):
+    numbers in `members`, the nearest first, −1 for none.
+    """
+    count = _SPARE * p.neighbours
+    candidates = np.where(near < 0, -1, members[near])
+    return _choose_passages(
+        rows, batch, looks, p.look, queries, candidates, _NEAR * count, apart_rows, count
+    )
 
 
 def _choose_alike_pairs(

@@ -209,12 +209,14 @@ def find_film_jumps(
     reel, _ = source.load_film()
     track, delta = reel.features["track_id"].to_numpy(), infer_delta_frames(reel.features)
     row_parts = compute_signature_parts(source, settings, workers)
+    # Whether mirror images are searched.
     side_difference = measure_side_difference(
         partial(draw_straight, source, settings.look_px), track
     )
     handedness = measure_handedness(row_parts, max(1, round(settings.block * delta)))
     sides_alike = side_difference < settings.sides_most and handedness < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and sides_alike)
+    # The jumps, batch by batch.
     signatures = compute_signatures(row_parts, reel.step_ends, settings)
     least = max(1, round(settings.min_jump_deltas * delta))
     search = JumpSearch.from_values(signatures, track, settings.candidates, least, mirror)
@@ -230,6 +232,7 @@ def find_film_jumps(
     jumps = pd.concat(tables, ignore_index=True)
     first, after = reel.step_ends
     steps = np.linalg.norm(signatures[0, after] - signatures[0, first], axis=-1)
+    # The looks of all rows; where mirror images are searched, theirs follow.
     look = standardize_part(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
     return FilmJumps(jumps, look.astype(np.float32), visible, {
         **_jump_metrics(jumps, len(track)),

@@ -166,20 +166,15 @@ class Network:
         following = self._phases_after[fish.state]
         nearest = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
         chosen = following[self._random_near(nearest, len(following), rng)]
-        film_ticks = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
+        phase_ticks = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
         first_speed = phases.first_speed[chosen]
         # The fish's own speed changes into that of the phase within Δ.
         own_share = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
-        speed = first_speed + phases.speed_change[film_ticks]
+        speed = first_speed + phases.speed_change[phase_ticks]
         speed = speed + (fish.speed - first_speed) * own_share
         speed = np.minimum(np.maximum(speed, phases.low), phases.high)
         forward = speed * (self._length_px / motion.rate_hz)
-        # The drift of the phase, mirrored if it ends on the wrong side of the aim.
-        drift = phases.drift_deg[film_ticks]
-        drift_factor = 1.0
-        if not approach.far:
-            drift_factor = min(1.0, abs(approach.error) / max(np.abs(drift).max(), 1e-9))
-        drift = drift * np.copysign(drift_factor, approach.error * drift[-1])
+        drift = _drift_towards_aim(phases.drift_deg[phase_ticks], approach)
         swim = Ahead(forward, drift, brake=forward * self._stop_ticks)
         trajectory, safe_ticks, touch_tick = swim_ahead(
             self.world.tank.legal, approach.start, swim, approach.goal
@@ -333,6 +328,17 @@ class Network:
         alike = self.p.alike
         first = max(0, min(middle - alike // 2, count - alike))
         return first + int(rng.integers(min(alike, count)))
+
+
+def _drift_towards_aim(drift_deg: Floats, approach: GoalApproach) -> Floats:
+    """Return the drift (n,) [°] of a phase's heading, mirrored if it ends away from the aim.
+
+    Unless the aim is far, it is reduced so that it does not go beyond the aim.
+    """
+    factor = 1.0
+    if not approach.far:
+        factor = min(1.0, abs(approach.error) / max(np.abs(drift_deg).max(), 1e-9))
+    return drift_deg * np.copysign(factor, approach.error * drift_deg[-1])
 
 
 def network_animator(

@@ -4,7 +4,7 @@ Gradient-boosted trees over histograms (scikit-learn; Ke et al. 2017, LightGBM).
 same weight, whatever their number of windows.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +34,6 @@ def score_held_out_windows(
     Each learns from windows that are not near its block. channels: indices of the CHANNELS to use.
     A block whose classifier would see only film or only animation gives NaN.
     """
-    # Not at the top: the import takes a second, and plots do not need it.
-    from sklearn.ensemble import HistGradientBoostingClassifier
-
     both = join_windows([film, animation])
     is_animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
@@ -48,12 +45,8 @@ def score_held_out_windows(
         if not (test.any() and 0 < is_animation[learn].sum() < learn.sum()):
             continue
         binned = _bin_values(x, learn, p.bins)
-        model = HistGradientBoostingClassifier(
-            max_iter=p.classifier_trees, max_leaf_nodes=p.leaves, min_samples_leaf=p.leaf_windows,
-            max_bins=p.bins, early_stopping=False, class_weight="balanced", random_state=p.seed,
-        )  # fmt: skip
         with threadpool_limits(limits=1):  # with so little data, threads are slower
-            model.fit(_join_steps(binned[learn]), is_animation[learn])
+            model = _make_classifier(p).fit(_join_steps(binned[learn]), is_animation[learn])
             score[test] = model.decision_function(_join_steps(binned[test]))
             # The scores without the information of one channel at a time.
             for column, channel in enumerate(channels):
@@ -64,6 +57,17 @@ def score_held_out_windows(
     return HeldOutScores(
         Scores(score, *labels), {name: Scores(values, *labels) for name, values in shuffled.items()}
     )
+
+
+def _make_classifier(p: RealismSettings) -> Any:
+    """Return a classifier of scikit-learn that has not learnt yet, by the parameters."""
+    # Not at the top: the import takes a second, and plots do not need it.
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    return HistGradientBoostingClassifier(
+        max_iter=p.classifier_trees, max_leaf_nodes=p.leaves, min_samples_leaf=p.leaf_windows,
+        max_bins=p.bins, early_stopping=False, class_weight="balanced", random_state=p.seed,
+    )  # fmt: skip
 
 
 def _bin_values(windows: NDArray[np.float32], learnt_from: Mask, bins: int) -> NDArray[np.float32]:

@@ -82,25 +82,25 @@ def find_examples(
     """Return the most obviously false windows of all modes as tables `EXAMPLES` and `CURVES`.
 
     Each stands beside the film window most like it. EXAMPLES are edit lists, CURVES their channels
-    over time. works, measured: by mode and FILM, the edit lists, and the swimming that extraction
-    measured. sides, verdicts: windows and results by the name of the comparison; only modes give
-    examples. The tables are empty if there are none.
+    over time. works, measured: the edit lists, and the swimming that extraction measured in them,
+    by mode, and by FILM for the film. sides, verdicts: windows and results by the name of the
+    comparison; only modes give examples. The tables are empty if there are none.
     """
     cut, numbers = sample.window_cut, count()
     time_s = (np.arange(cut.length // cut.step) + 0.5) * (cut.step / sample.rate_hz)
     edits, curves = list[pd.DataFrame](), list[pd.DataFrame]()
     for mode in (name for name in verdicts if name in measured):
         film, animation = sides[mode]
-        score = verdicts[mode].scores.score[len(film) :]
+        score = verdicts[mode].scores.score[len(film) :]  # the film's windows come first
         for pair in most_false_windows(film, animation, score, sample.p.examples, cut.length):
             example = next(numbers)
-            for side, name, windows, number in (
+            for side, name, windows, window in (
                 (ANIMATION, mode, animation, pair.animation), (FILM, FILM, film, pair.film),
             ):  # fmt: skip
-                edit = _window_edit_list(works[name], measured[name], windows.first[number], cut)
-                channels = pd.DataFrame(windows.x[number].astype(float), columns=list(CHANNELS))
+                edit = _window_edit_list(works[name], measured[name], windows.first[window], cut)
                 edit = edit.assign(example=example, side=side, compared=mode, score=pair.score)
                 edits.append(edit)
+                channels = pd.DataFrame(windows.x[window].astype(float), columns=list(CHANNELS))
                 curves.append(channels.assign(example=example, side=side, time_s=time_s))
     if not edits:
         return EXAMPLES.empty(), CURVES.empty()

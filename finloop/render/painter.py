@@ -304,20 +304,9 @@ class Painter:
         if channels > self.canvas.shape[2] + 1:
             raise ValueError("a coloured fish needs a coloured canvas")
         if isinstance(fish, BentPicture) and isinstance(other, BentPicture):
-            pictures = (fish, other) if share else (fish,)
-            posed = [picture.pose_at(x_px, y_px) for picture in pictures]
-            box = Box.enclose(Box(*picture.box) for picture in posed).clip_to(self.canvas.shape)
-            if not box.is_empty:
-                drawn = [picture.draw_part(box) for picture in posed]
-                pixels = mix_pictures(*drawn, share) if share else drawn[0]
-                draw_pixels(self.canvas[box.slices], pixels)
+            box = _draw_bent(self.canvas, x_px, y_px, fish, other, share)
         elif isinstance(fish, TurnedPicture) and isinstance(other, TurnedPicture):
-            visible = [picture for picture, w in ((fish, 1 - share), (other, share)) if w > 0]
-            boxes = (picture.box_at(x_px, y_px) for picture in visible)
-            box = Box.enclose(boxes).clip_to(self.canvas.shape)
-            if not box.is_empty:
-                layers = fish.layer_at(x_px, y_px), other.layer_at(x_px, y_px)
-                draw_layers(self.canvas, box, *layers, share)
+            box = _draw_turned(self.canvas, x_px, y_px, fish, other, share)
         else:
             raise ValueError("a fish and its partner are either both drawn in a pose, or neither")
         self.mark_changed(box)
@@ -412,6 +401,38 @@ def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-d
                 if canvas.shape[2] == 3:
                     pixel[1] = np.uint8(green + through * pixel[1] + np.float32(0.5))
                     pixel[2] = np.uint8(blue + through * pixel[2] + np.float32(0.5))
+
+
+def _draw_bent(
+    canvas: Image, x_px: float, y_px: float, fish: BentPicture, other: BentPicture, share: float
+) -> Box:
+    """Draw a bent picture on a canvas, which changes; return its box.
+
+    x_px, y_px: of the mass centre; other: fades in with the share `share`, 0 … 1.
+    """
+    pictures = (fish, other) if share else (fish,)
+    posed = [picture.pose_at(x_px, y_px) for picture in pictures]
+    box = Box.enclose(Box(*picture.box) for picture in posed).clip_to(canvas.shape)
+    if not box.is_empty:
+        drawn = [picture.draw_part(box) for picture in posed]
+        pixels = mix_pictures(*drawn, share) if share else drawn[0]
+        draw_pixels(canvas[box.slices], pixels)
+    return box
+
+
+def _draw_turned(
+    canvas: Image, x_px: float, y_px: float, fish: TurnedPicture, other: TurnedPicture, share: float
+) -> Box:
+    """Draw a turned picture on a canvas, which changes; return its box.
+
+    x_px, y_px: of the mass centre; other: fades in with the share `share`, 0 … 1.
+    """
+    visible = [picture for picture, w in ((fish, 1 - share), (other, share)) if w > 0]
+    boxes = (picture.box_at(x_px, y_px) for picture in visible)
+    box = Box.enclose(boxes).clip_to(canvas.shape)
+    if not box.is_empty:
+        draw_layers(canvas, box, fish.layer_at(x_px, y_px), other.layer_at(x_px, y_px), share)
+    return box
 
 
 def draw_pixels(canvas: Image, drawn: NDArray[np.float32]) -> None:

@@ -266,19 +266,20 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         raise too_few_error(path, stamps.size)
     coding = _measure_coding(path, stamps if has_stamps else stamps[:1])
     film_rate = estimate_frame_rate(stamps, stated)
+    full_range = coding.outside > OUTSIDE_FRACTION  # too many pixels far outside 16 … 235
+    notes = _list_picture_notes(coding, aspect, streams, full_range)
     if rate is None:
         times = stamps - stamps[0]
         last_s = (promised - stamps.size) / float(film_rate) + float(times[-1])
     else:
         times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
-    full_range = coding.outside > OUTSIDE_FRACTION  # too many pixels far outside 16 … 235
+        if rate != film_rate:
+            notes.insert(
+                0,
+                f"the file says {float(film_rate):g} frames/s; its frames are taken as shot at "
+                f"{float(rate):g}",
+            )
     square = square_size(coding.width, coding.height, aspect)
-    rate_note = (
-        f"the file says {float(film_rate):g} frames/s; its frames are taken as shot at "
-        f"{float(rate or 0):g}"
-    )
-    notes = [rate_note] * (rate not in (None, film_rate))
-    notes += _list_picture_notes(coding, aspect, streams, full_range)
     footage = Footage(
         path=path,
         width_px=square[coding.turn.quarter_turns % 2],  # a quarter turn swaps the sides

@@ -65,13 +65,7 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
     if not step_s and facts.get("fps"):
         step_s = 1 / float(facts["fps"])
     if pixels := _ome_pixels(stack):
-        planes = pixels.get("Plane", [])
-        planes = planes if isinstance(planes, list) else [planes]
-        seconds = [
-            plane["DeltaT"] * _UNITS_S.get(plane.get("DeltaTUnit", "s"), np.nan)
-            for plane in sorted(planes, key=lambda plane: plane.get("TheT", 0))
-            if "DeltaT" in plane
-        ]
+        seconds = _ome_page_times(pixels)
         if len(seconds) == count and (np.diff(seconds) > 0).all():
             return np.array(seconds) - seconds[0]
         unit_s = _UNITS_S.get(pixels.get("TimeIncrementUnit", "s"), 0.0)
@@ -79,6 +73,20 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
     if step_s > 0:
         return np.asarray(np.arange(count) * step_s)
     return _to_times([_find_tag(page) for page in stack.pages if isinstance(page, TiffPage)])
+
+
+def _ome_page_times(pixels: dict[str, Any]) -> list[float]:
+    """Return the times [s] that OME gives single pages, in their order; NaN in unknown units.
+
+    pixels: from `_ome_pixels`.
+    """
+    planes = pixels.get("Plane", [])
+    planes = planes if isinstance(planes, list) else [planes]
+    return [
+        plane["DeltaT"] * _UNITS_S.get(plane.get("DeltaTUnit", "s"), np.nan)
+        for plane in sorted(planes, key=lambda plane: plane.get("TheT", 0))
+        if "DeltaT" in plane
+    ]
 
 
 def count_times(stack: TiffFile) -> int:

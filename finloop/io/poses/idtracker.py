@@ -81,17 +81,7 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
         return _load_places(path / "trajectories.csv")[0], _load_facts(path / "attributes.json")
     match path.suffix.lower():
         case ".npy":
-            with path.open("rb") as file:
-                npy = np.lib.format
-                is_first_version = npy.read_magic(file) == (1, 0)
-                shape, _, dtype = (
-                    npy.read_array_header_1_0(file)
-                    if is_first_version
-                    else npy.read_array_header_2_0(file)
-                )
-                if dtype.hasobject and shape == ():  # a pickled dictionary follows
-                    return _unpickle(file)
-            return np.load(path, allow_pickle=False), {}
+            return _load_npy(path)
         case ".pickle":
             with path.open("rb") as file:
                 return _unpickle(file)
@@ -109,6 +99,21 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
             # The columns are time, x1, y1, x2, y2, …
             return wide.drop(columns="time").to_numpy(float).reshape(len(wide), -1, 2), {}
     raise unreadable_error(path, SOFTWARE, "its ending is another")
+
+
+def _load_npy(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Return places and facts, as `_load_places`, of a .npy file: an array or a pickled dictionary.
+
+    UnpicklingError if the dictionary holds more than plain values and arrays.
+    """
+    with path.open("rb") as file:
+        npy = np.lib.format
+        is_first_version = npy.read_magic(file) == (1, 0)
+        read_header = npy.read_array_header_1_0 if is_first_version else npy.read_array_header_2_0
+        shape, _, dtype = read_header(file)
+        if dtype.hasobject and shape == ():  # a pickled dictionary follows
+            return _unpickle(file)
+    return np.load(path, allow_pickle=False), {}
 
 
 def _load_facts(path: Path) -> dict[str, Any]:

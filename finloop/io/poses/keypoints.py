@@ -44,6 +44,21 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
     columns = [
         (label[1] if len(label) == 4 else software, label[-2], label[-1]) for label in labels
     ]
+    animals, keypoints = _find_animals(columns, path)
+    cells = np.full((len(frame), len(animals), len(keypoints), len(_COORDS)), np.nan)
+    for (animal, keypoint, coord), column in zip(columns, values.T, strict=True):
+        if animal in animals and coord in _COORDS:
+            place = animals.index(animal), keypoints.index(keypoint), _COORDS.index(coord)
+            cells[:, *place] = column
+    return poses_from_arrays(tuple(animals), tuple(keypoints), frame, cells[..., :2], cells[..., 2])
+
+
+def _find_animals(columns: list[tuple[str, str, str]], path: Path) -> tuple[list[str], list[str]]:
+    """Return the names of a table's animals, and of the keypoints that each of them has.
+
+    columns: animal, keypoint and coordinate of each column. Animals are those that have the most
+    frequent list of keypoints; a message on the error stream names the others. path: for that.
+    """
     keypoints: dict[str, list[str]] = {}  # of each animal
     for animal, keypoint, _ in columns:
         of_animal = keypoints.setdefault(animal, [])
@@ -57,13 +72,7 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
             f"({', '.join(keypoints[others[0]])}): left out",
             file=sys.stderr,
         )
-    animals = [name for name in keypoints if keypoints[name] == usual]
-    cells = np.full((len(frame), len(animals), len(usual), len(_COORDS)), np.nan)
-    for (animal, keypoint, coord), column in zip(columns, values.T, strict=True):
-        if animal in animals and coord in _COORDS:
-            place = animals.index(animal), usual.index(keypoint), _COORDS.index(coord)
-            cells[:, *place] = column
-    return poses_from_arrays(tuple(animals), tuple(usual), frame, cells[..., :2], cells[..., 2])
+    return [name for name in keypoints if keypoints[name] == usual], usual
 
 
 def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:

@@ -78,13 +78,9 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
     folder.mkdir(parents=True)
     series = {} if mm_per_px is None else {"unit": "millimeters", "conversion": mm_per_px}
     for number, name in enumerate(poses.individuals):
-        rows = poses.individual == number
-        animal = replace(
-            poses, individuals=(name,), individual=np.zeros(rows.sum(), np.int64),
-            frame=poses.frame[rows], places=poses.places[rows], confidence=poses.confidence[rows],
-        )  # fmt: skip
         # (frames, 1 individual, keypoints, 3): x, y and confidence.
-        cells = np.concatenate([block for _, block in iterate_blocks(animal)])
+        blocks = iterate_blocks(_select_animal(poses, number))
+        cells = np.concatenate([block for _, block in blocks])
         metadata = {
             "identifier": name,
             "session_description": _DESCRIPTION,
@@ -105,3 +101,13 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
                 path = folder / f"{plain}_{number + 1}.nwb"
             with pynwb.NWBHDF5IO(path, "w") as file:
                 file.write(document)
+
+
+def _select_animal(poses: Poses, number: int) -> Poses:
+    """Return the poses of one animal alone; number: of the animal among `poses.individuals`."""
+    rows = poses.individual == number
+    return replace(
+        poses, individuals=(poses.individuals[number],),
+        individual=np.zeros(rows.sum(), np.int64), frame=poses.frame[rows],
+        places=poses.places[rows], confidence=poses.confidence[rows],
+    )  # fmt: skip
