@@ -311,11 +311,6 @@ def test_a_mirrored_picture_is_mirrored_about_its_heading(pictures):
     assert np.array_equal(one, back)
 
 
-def test_what_joins_help_is_seen_in_the_pictures(pictures):
-    assert not pictures.bending_improves_match(0, 0, False, False)
-    assert pictures.bending_improves_match is pictures.bending_improves_match
-
-
 # --- ghosts
 
 

@@ -33,7 +33,7 @@ from finloop.features.table import wrap_deg
 
 DECAY = 5.0
 BODIES = bodies_of(rich_film())
-HOW = JoinRules(INERTIAL, 3, DECAY, BODIES, lambda *_: True, np.zeros(len(BODIES.goes_on), bool))
+HOW = JoinRules(INERTIAL, 3, DECAY, BODIES, np.zeros(len(BODIES.goes_on), bool))
 
 
 def frames(*runs, mirrored=False, rot=0.0):
@@ -95,14 +95,6 @@ def test_a_spring_has_five_per_cent_left_when_its_time_is_over():
     assert offset[-1] < 0.002 and (np.diff(offset) < 0).all()
     twice = (offset[2] - 2 * offset[1] + offset[0]) / (offset[1] - offset[0])
     assert abs(twice) < 1  # it begins smoothly
-
-
-def test_a_posture_that_says_little_is_left_as_it_is():
-    shown = frames((10, 30), (310, 40))
-    found = inertialize_shown(shown, replace(FREE, bending_improves_match=lambda *_: False))
-    assert found.posed.any()
-    assert np.allclose(found.codes, BODIES.codes(shown_bodies(shown)), atol=1e-6)
-    assert np.allclose(found.turn_deg, inertialize_shown(shown, FREE).turn_deg)
 
 
 def test_a_picture_that_is_held_does_not_bend_on_and_on():
@@ -222,7 +214,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
         p = settings("animate", **changes)
-        return resolve_join_rules(p, INERTIAL, film, DELTA, HOW.bending_improves_match).decay / RATE
+        return resolve_join_rules(p, INERTIAL, film, DELTA).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
     monkeypatch.setattr(AnimateSettings, "join_frames", 3)
@@ -232,10 +224,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     assert decay(0.01) == pytest.approx(6 / RATE)
     assert decay(9.0) == pytest.approx(0.4)
     assert decay(0.25, join_time_deltas=4.0) == pytest.approx(0.8)
-    assert (
-        resolve_join_rules(settings("animate"), CUT, BODIES, DELTA, HOW.bending_improves_match).fade
-        == 0
-    )
+    assert resolve_join_rules(settings("animate"), CUT, BODIES, DELTA).fade == 0
 
 
 def test_what_is_left_of_jumps_is_what_a_filter_leaves():

@@ -353,9 +353,7 @@ def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Silhouettes:
 def matching_of(own_world=None, hulls=(HULL, HULL), prediction=None, film_too=True) -> Planner:
     """A planner of mode `matching`: by the film, and as a forecast predicts if there is one."""
     world = film_world_of() if own_world is None else own_world
-    how = resolve_join_rules(
-        world.settings, world.settings.join, bodies_of(world.film), DELTA, lambda *_: True
-    )
+    how = resolve_join_rules(world.settings, world.settings.join, bodies_of(world.film), DELTA)
     rows = np.minimum(sprites()["row"].to_numpy(), len(world.film.has_next) - 2)
     by_film = FilmSource(world) if film_too else None
     return Planner(world, by_film, prediction, cast_of(world.film, hulls), how, None, rows)
@@ -393,7 +391,7 @@ def paper_player(mode: PaperMode, join="fade", hulls=(HULL, HULL)) -> PaperPlaye
     network = mode if isinstance(mode, Network) else getattr(mode, "network", None)
     play = mode if isinstance(mode, Loops) else getattr(mode, "loops", None)
     film_ = rich_film() if play is None else play.film
-    how = resolve_join_rules(settings("animate"), join, bodies_of(film_), DELTA, lambda *_: True)
+    how = resolve_join_rules(settings("animate"), join, bodies_of(film_), DELTA)
     world = (network or play).world
     kept = None if network is None else network.sprites
     return PaperPlayer(mode, world, film_, kept, cast_of(film_, hulls), how)

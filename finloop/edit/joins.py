@@ -7,10 +7,9 @@ the new one,
     x(τ) = (x₀ (1 + a τ) + v₀ τ) exp(−a τ),    τ ticks after the join,
 
 decays as a critically damped spring and is added to the new picture. The equation is linear in x₀
-and v₀, so what is left of one join adds to the next. The posture is left alone where bending does
-not make the two pictures more alike, as in fat bodies, whose backbones say little. While the animal
-rests the offset stays: τ counts only the ticks at which it moves. A cross-fade in that pose blends
-light and skin. FADE mixes the two pictures as they are, CUT changes at once.
+and v₀, so what is left of one join adds to the next. While the animal rests the offset stays: τ
+counts only the ticks at which it moves. A cross-fade in that pose blends light and skin. FADE mixes
+the two pictures as they are, CUT changes at once.
 
 D. Bollo, Inertialization: High-Performance Animation Transitions in "Gears of War", GDC 2018.
 """
@@ -32,9 +31,6 @@ _LASTS = 2.0  # times the duration of a join, after which less than 0.1 % of its
 _SETTLING = (
     3  # ticks more in which a join is taken to change pictures: the velocity before it counts
 )
-
-BendingTest = Callable[[int, int, bool, bool], bool]
-"""Whether a row looks more like another one in that one's posture; whether each is mirrored."""
 
 
 class JoinTimes(Protocol):
@@ -70,15 +66,14 @@ class JoinRules:
     """How pictures that do not follow each other in the film are joined.
 
     kind: INERTIAL, FADE or CUT; fade: ticks of a cross-fade; decay: ticks after which 5 % of an
-    offset are left; bodies: the film's; bending_improves_match: see `BendingTest`; rests (n,):
-    whether the animal rests at each row of the film.
+    offset are left; bodies: the film's; rests (n,): whether the animal rests at each row of the
+    film.
     """
 
     kind: str
     fade: int
     decay: float
     bodies: Bodies
-    bending_improves_match: BendingTest
     rests: Mask
 
     @property
@@ -112,14 +107,11 @@ class JoinRules:
         return (1 + rate * ticks) * decay, ticks * decay
 
 
-def resolve_join_rules(
-    p: JoinTimes, kind: str, bodies: Bodies, delta: int, bending_improves_match: BendingTest
-) -> JoinRules:
+def resolve_join_rules(p: JoinTimes, kind: str, bodies: Bodies, delta: int) -> JoinRules:
     """Return how pictures are joined, with the times of the parameters converted to ticks.
 
-    p: times in Δ; kind: INERTIAL, FADE or CUT; bodies: the film's; delta: Δ in ticks;
-    bending_improves_match: tells where bending a picture helps. An automatic join lasts as long as
-    the film's postures.
+    p: times in Δ; kind: INERTIAL, FADE or CUT; bodies: the film's; delta: Δ in ticks. An automatic
+    join lasts as long as the film's postures.
     """
     if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
@@ -127,10 +119,7 @@ def resolve_join_rules(
     else:
         ticks = max(p.join_time_deltas * delta, 1.0)
     fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
-    return JoinRules(
-        kind=kind, fade=fade, decay=ticks, bodies=bodies, rests=resting_rows(bodies, p.rest),
-        bending_improves_match=bending_improves_match,
-    )  # fmt: skip
+    return JoinRules(kind, fade, decay=ticks, bodies=bodies, rests=resting_rows(bodies, p.rest))
 
 
 @dataclass(frozen=True)
@@ -177,7 +166,6 @@ def inertialize_pictures(
     """Return the joins in pictures (ticks,), and the poses and rotations that make them smooth.
 
     line_deg (ticks,): direction in which the fish swims and in which sprites are drawn, degrees.
-    The posture is left alone where bending does not make the pictures of a join more alike.
     """
     bodies, frame = rules.bodies, shown.frame
     drawn = bodies.picture_bodies(
@@ -187,12 +175,6 @@ def inertialize_pictures(
     joins, moves = _find_joins(drawn, due, frame, rules)
     old, new = due.select(joins), drawn.select(joins)
     offset, velocity = _join_offsets(drawn, old, joins, bodies)
-    pairs = np.stack([new.row, old.row, new.mirrored, old.mirrored], -1).tolist()
-    unbent = joins[[
-        not rules.bending_improves_match(row, old_row, bool(mirrored), bool(old_mirrored))
-        for row, old_row, mirrored, old_mirrored in pairs
-    ]]  # fmt: skip
-    offset[unbent, :-1] = velocity[unbent, :-1] = 0
     remaining, posed = _remaining_offsets(offset, velocity, joins, moves, rules)
     codes = bodies.codes(drawn)
     codes[posed] += remaining[posed, :-1]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -14,12 +14,10 @@ from finloop.base.arrays import Floats, Ints
 from finloop.distance.picture import SPAN, draw_centred_cutout, paired_distances
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies, Body
-from finloop.edit.joins import BendingTest
 from finloop.edit.schema import FRAME, SPRITE, row_partner, row_picture
 from finloop.puppet import Pose, draw_in_pose, mix_pictures
 
 Picture = NDArray[np.float32]
-_CACHED_PAIRS = 100_000  # pairs of rows whose test is remembered
 
 
 @dataclass(frozen=True)
@@ -73,29 +71,6 @@ class Pictures:
         row, size = int(body.row), (self.size, self.size)
         cutout, pose = self.reel.film[row], self.bodies.poses.pose[row]
         return draw_in_pose(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
-
-    @cached_property
-    def bending_improves_match(self) -> BendingTest:
-        """Return a function that tells whether bending makes a film row look more like another."""
-        return lru_cache(_CACHED_PAIRS)(self._test_bending)
-
-    def _test_bending(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
-        """Return whether `row` looks more like `other` if it is bent into the other's posture.
-
-        mirrored, other_mirrored: whether each row is mirrored. Both are drawn headed right.
-        """
-        middle, size = (self.size - 1) / 2, self.size / SPAN
-        pairs = ((row, mirrored), (other, other_mirrored))
-        bodies = [Body(np.array(number), np.array(flip), np.zeros(())) for number, flip in pairs]
-        poses = []
-        for body in bodies:
-            pose = self.bodies.poses.pose_from_codes(int(body.row), self.bodies.codes(body))
-            poses.append(pose.move_to(middle, middle, 0, size))
-        other_picture = self.draw_body(bodies[1], poses[1])
-        unbent, bent = (
-            paired_distances(self.draw_body(bodies[0], pose), other_picture) for pose in poses
-        )
-        return bool(bent < unbent)
 
     @cached_property
     def right_facing_sprites(self) -> Picture:

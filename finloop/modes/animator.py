@@ -212,7 +212,6 @@ def make_animator(
     None in a mode without sprites; p: the group `animate`; join: how pictures are joined, "fade",
     "inertial" or "cut".
     """
-    delta, bending = assets.world.motion.delta, assets.pictures.bending_improves_match
-    joins = resolve_join_rules(p, join, assets.pictures.bodies, delta, bending)
+    joins = resolve_join_rules(p, join, assets.pictures.bodies, assets.world.motion.delta)
     player = PaperPlayer(mode, assets.world, film, sprites, assets.silhouettes, joins)
     return Animator(player, assets.pictures, assets.film_data.natural_step, p)

@@ -145,7 +145,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     """
     film, scaled, common, pictures, silhouettes = film_data.assets
     features, motion, bodies = scaled.reel.features, common.motion, pictures.bodies
-    joins = resolve_join_rules(p, p.join, bodies, motion.delta, pictures.bending_improves_match)
+    joins = resolve_join_rules(p, p.join, bodies, motion.delta)
     rarity = _film_rarity(film, features, bodies, joins, p.rarity_weight)
     barred = scaled.barred.copy()
     for line in film_data.lines:

@@ -128,12 +128,8 @@ def retarget_track(
     rows = FilmRows.from_reel(reel, film.poses, film.look, others.weights, track.has_postures)
     if track.rows is not None and not p.allow_own_frames:
         rows = rows.exclude_rows(track.rows)
-    pictures = film.pictures
-    joins = resolve_join_rules(
-        others.joins, kind=others.join, bodies=pictures.bodies,
-        delta=infer_delta_frames(reel.features),
-        bending_improves_match=pictures.bending_improves_match,
-    )  # fmt: skip
+    delta = infer_delta_frames(reel.features)
+    joins = resolve_join_rules(others.joins, others.join, film.pictures.bodies, delta)
     sources, placed = _choose_rows_and_move_into_tank(placed, rows, joins, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
     edit = build_edit_list(sources, placed.pose, placed.codes, drawn_scale, joins, film.rate_hz)
