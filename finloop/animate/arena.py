@@ -291,10 +291,10 @@ def tank_area(
 def choose_fish_area(
     arena: Mask, hulls: FilmHulls, reach_px: float, tank_setting: str, floor: Picture | None = None
 ) -> Mask:
-    """Return where (h, w) a fish may be: `tank_area`, but with "auto" the whole arena if needed.
+    """Return where (h, w) a fish may be: `tank_area`, or the whole arena where that is too small.
 
-    It is needed where the fish, which reaches `reach_px` from its centre, does not fit in the area.
-    The other parameters are those of `tank_area`.
+    It is too small if the fish, which reaches `reach_px` from its centre, does not fit in it; then
+    "auto" gives the whole arena. The other parameters are those of `tank_area`.
     """
     area = tank_area(arena, hulls, tank_setting, floor)
     return arena if tank_setting == "auto" and not can_fish_fit(area, reach_px) else area

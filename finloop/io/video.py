@@ -84,10 +84,11 @@ def load_facts(path: Path) -> VideoFacts:
 
 def _parse_facts(record: dict[str, Any]) -> VideoFacts:
     """Convert the content of facts.json to `VideoFacts`; any error if it is damaged."""
-    record.pop("frame_rate_hz")
-    record |= {key: Fraction(record[key]) for key in ("frame_rate", "pixel_aspect")}
-    record["segments"] = tuple((int(a), int(b)) for a, b in record["segments"])
-    return VideoFacts(**record | {"notes": tuple(record["notes"])})
+    facts = dict(record)
+    del facts["frame_rate_hz"]  # it repeats `frame_rate`, for readers
+    facts |= {name: Fraction(record[name]) for name in ("frame_rate", "pixel_aspect")}
+    facts["segments"] = tuple((int(start), int(stop)) for start, stop in record["segments"])
+    return VideoFacts(**facts | {"notes": tuple(record["notes"])})
 
 
 @contextmanager

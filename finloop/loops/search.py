@@ -132,7 +132,7 @@ def find_loop_candidates(
         "improper": is_improper,
     })  # fmt: skip
     counts = {
-        "pairs": float(len(pairs.j)),  # rounded: see `distance.pairs_kept`
+        "pairs": float(len(pairs.j)),  # a float, so rounded when saved: its last digit varies
         "pairs_below_threshold": int(np.isfinite(filtered).sum()),
         "minima": len(minima),
         "improper_dropped": int(is_improper.sum()),

@@ -202,11 +202,11 @@ def _describe_values(values: Sequence[str], chosen: Flags, number_count: int) ->
 
     number_count: how many values are numbers; these come first, and are rising.
     """
-    places = np.flatnonzero(chosen)
-    numbers = places[places < number_count]
+    indices = np.flatnonzero(chosen)
+    numbers = indices[indices < number_count]
     # Several numbers without a gap are a range.
     if len(numbers) > 1 and np.ptp(numbers) == len(numbers) - 1:
-        words = [values[int(place)] for place in places[len(numbers) :]]
+        words = [values[int(index)] for index in indices[len(numbers) :]]
         if len(numbers) == number_count:
             text = "at every number"
         elif numbers[0] == 0:
@@ -216,7 +216,7 @@ def _describe_values(values: Sequence[str], chosen: Flags, number_count: int) ->
         else:
             text = f"between {values[numbers[0]]} and {values[numbers[-1]]}"
         return f"{text}, and at {' and '.join(words)}" if words else text
-    *others, last = (values[int(place)] for place in places)
+    *others, last = (values[int(index)] for index in indices)
     return f"at {', '.join(others)} and {last}" if others else f"at {last}"
 
 

@@ -50,7 +50,7 @@ class SocialSteps:
 
     @cached_property
     def _step_scales(self) -> tuple[float, float]:
-        """Root mean squares of `wall` and `last`, at least 1e-9: the units to compare steps in."""
+        """Return the units in which `wall` and `last` are compared: root mean squares, ≥ 1e-9."""
         wall, last = (float(np.sqrt(np.mean(np.abs(v) ** 2))) for v in (self.wall, self.last))
         return max(wall, 1e-9), max(last, 1e-9)
 

@@ -22,14 +22,17 @@ class Walls:
 
     @cached_property
     def depth(self) -> Floats:
-        """Distance (h, w) of each pixel of the arena from the nearest pixel outside, in BL."""
+        """Return the distance (h, w), in BL, of each pixel from the nearest one outside the arena.
+
+        It is 0 outside.
+        """
         walled = np.pad(self.arena.astype(np.uint8), 1)  # outside the picture is outside the arena
         depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         return np.asarray(depth[1:-1, 1:-1], float) / self.length
 
     @cached_property
     def _directions_from_wall(self) -> Complex:
-        """Direction (h, w) away from the wall at each pixel, as complex unit vectors."""
+        """Return the direction (h, w) away from the wall at each pixel, as complex unit vectors."""
         down, right = np.gradient(self.depth)
         slope = right - 1j * down  # complex places have y up
         size = np.abs(slope)
