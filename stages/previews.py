@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import yaml
+from matplotlib.figure import Figure
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes, ordered_map
@@ -139,13 +140,18 @@ def draw_preview(root: Path, mode: str) -> Preview:
                 painter.show(*fish)
                 writer.write(cv2.resize(painter.frame[part], size, interpolation=cv2.INTER_AREA))
         figure = draw_trajectory(drawn.edit, project.goals(mode), project.background)
-        figure.legends.clear()  # too wide; the full picture is in the experiment's report
-        for axes in figure.axes:
-            axes.set_axis_off()
-        figure.set_size_inches(*(SHRINK * figure.get_size_inches()))
-        picture = BytesIO()
-        figure.savefig(picture, format="webp", dpi=DPI)
-        return Preview(picture.getvalue(), path.read_bytes())
+        return Preview(_encode_small(figure), path.read_bytes())
+
+
+def _encode_small(figure: Figure) -> bytes:
+    """Return a figure as a small WebP, without key and axes."""
+    figure.legends.clear()  # too wide; the full picture is in the experiment's report
+    for axes in figure.axes:
+        axes.set_axis_off()
+    figure.set_size_inches(*(SHRINK * figure.get_size_inches()))
+    picture = BytesIO()
+    figure.savefig(picture, format="webp", dpi=DPI)
+    return picture.getvalue()
 
 
 def _crop_to_route(

@@ -203,6 +203,12 @@ def _write_streams(
             flush_truth(_ROWS)
             advance()
     flush_truth(1)
+    _refuse_unusable_film(tally)
+    return timing, tally, source_frames
+
+
+def _refuse_unusable_film(tally: ClipTally) -> None:
+    """Raise FinloopError if a film has fewer than two frames, or all are plain."""
     if tally.frames < 2:
         raise FinloopError(
             came=f"only {tally.frames} frame(s) could be decoded",
@@ -216,7 +222,6 @@ def _write_streams(
             wanted="a film that shows something",
             do="check the camera's cap, exposure and file; or choose another range of time",
         )
-    return timing, tally, source_frames
 
 
 def _make_arena(p: ClipSettings, width_px: int, height_px: int) -> np.ndarray:

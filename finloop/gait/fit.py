@@ -6,7 +6,7 @@ a subcycle, see `gait.model`. The inner products run over the coefficients of on
 scales together, each weighted by its energy.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -302,17 +302,7 @@ def fit_key_frames(
     do.
     """
     samples = sort_into_subcycles(film, split, descriptor)
-    few = []
-    for name, frames_of_a_and_b in samples.items():
-        for letter, frames in zip("AB", frames_of_a_and_b, strict=True):
-            if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST:
-                few.append(f"{name!r} in {letter}")
-    if few:
-        raise FinloopError(
-            f"fewer than {LEAST} frames between the keys show {', '.join(few)}",
-            f"{LEAST} or more of each contour in each subcycle",
-            "use more cycles or a higher frame rate, or omit these contours",
-        )
+    _refuse_few_frames(samples)
     linear = keys = interpolate_key_frames(film, split)
     subcycles = build_subcycles(keys, samples, descriptor)
     for _ in range(ROUNDS):
@@ -326,6 +316,24 @@ def fit_key_frames(
         keys = KeyFrames(first, second, film.contours_half_cycle_later(first))
         subcycles = build_subcycles(keys, samples, descriptor)
     return keys, subcycles
+
+
+def _refuse_few_frames(samples: Mapping[str, Sequence[SubcycleFrames]]) -> None:
+    """Raise FinloopError if fewer than LEAST frames between two keys show a contour.
+
+    samples: as from `sort_into_subcycles`.
+    """
+    few = []
+    for name, frames_of_a_and_b in samples.items():
+        for letter, frames in zip("AB", frames_of_a_and_b, strict=True):
+            if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST:
+                few.append(f"{name!r} in {letter}")
+    if few:
+        raise FinloopError(
+            f"fewer than {LEAST} frames between the keys show {', '.join(few)}",
+            f"{LEAST} or more of each contour in each subcycle",
+            "use more cycles or a higher frame rate, or omit these contours",
+        )
 
 
 def _fit_smooth_contours(

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from finloop.animate.measures import FILM_MOTION, kinematic_distance
+from finloop.base.arrays import Floats
 from finloop.edit.schema import STATES
 
 COLOURS = (  # Okabe-Ito: of the modes, in the order of `finloop.edit.modes`; three are spare
@@ -26,23 +28,11 @@ def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure
     colours = dict(zip(motion, COLOURS, strict=False))
     figure = Figure(figsize=(12, 4), layout="constrained")
     *distributions, states = figure.subplots(1, 3)
-    # Distributions of speed and turn rate.
     names = ("speed (body lengths/s)", "turn rate (°/s)")
     for column, axes, name in zip(("speed", "turn_rate"), distributions, names, strict=True):
-        low, high = np.quantile(film[column], [0.005, 0.995])
-        bins = np.linspace(low, high, 60)
-        axes.hist(film[column], bins, density=True, color=_FILM, alpha=0.35, label="film")
-        for mode, colour in colours.items():
-            values = motion[mode][column].to_numpy()
-            distance_sd = kinematic_distance(values, film[column].to_numpy())
-            axes.hist(
-                values, bins, density=True, histtype="step", color=colour, lw=1.6,
-                label=f"{mode}, {distance_sd:.2f} sd away",
-            )  # fmt: skip
-        axes.set(xlabel=f"{name}, over Δ", ylabel="density")
-        axes.set_yscale("log")
-        axes.set_ylim(top=20 * axes.get_ylim()[1])  # room for the key
-        axes.legend(frameon=False, loc="upper right")
+        of_modes = {mode: motion[mode][column].to_numpy() for mode in colours}
+        _draw_distributions(axes, film[column].to_numpy(), of_modes, colours)
+        axes.set(xlabel=f"{name}, over Δ")
     # Share of the time in each state.
     place = np.arange(len(STATES))
     width = 0.8 / (1 + len(colours))
@@ -53,3 +43,25 @@ def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure
     states.set(ylabel="% of the time")
     states.legend(frameon=False)
     return figure
+
+
+def _draw_distributions(
+    axes: Axes, film: Floats, of_modes: Mapping[str, Floats], colours: Mapping[str, str]
+) -> None:
+    """Draw how often each value occurs in the film, and in the animations of modes.
+
+    film: values (n,); of_modes: the same quantity by mode; colours: by mode.
+    """
+    low, high = np.quantile(film, [0.005, 0.995])
+    bins = np.linspace(low, high, 60).tolist()
+    axes.hist(film, bins, density=True, color=_FILM, alpha=0.35, label="film")
+    for mode, values in of_modes.items():
+        distance_sd = kinematic_distance(values, film)
+        axes.hist(
+            values, bins, density=True, histtype="step", color=colours[mode], lw=1.6,
+            label=f"{mode}, {distance_sd:.2f} sd away",
+        )  # fmt: skip
+    axes.set(ylabel="density")
+    axes.set_yscale("log")
+    axes.set_ylim(top=20 * axes.get_ylim()[1])  # room for the key
+    axes.legend(frameon=False, loc="upper right")

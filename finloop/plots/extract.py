@@ -62,13 +62,16 @@ def draw_detections(
         place, stroke = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
         write_text(panel, label, place, (255, 255, 255), font_scale=0.9 * scale, stroke_px=stroke)
         panels.append(panel)
-    # The key, as wide as two frames.
     rows = join_in_rows(panels, columns=2)
-    width = rows[0].shape[1]
+    return np.vstack([_draw_key(rows[0].shape[1]), *rows])
+
+
+def _draw_key(width: int) -> Picture:
+    """Return a key of the colours of all verdicts, as wide as two frames: `width` px."""
     scale = width / 1800
     key = np.full((int(50 * scale), width, 3), 255, np.uint8)
     for number, (verdict, colour) in enumerate(_COLOURS.items()):
         place = (int((20 + 300 * number) * scale), int(36 * scale))
         stroke = max(1, round(3 * scale))
         write_text(key, verdict, place, colour, font_scale=1.1 * scale, stroke_px=stroke)
-    return np.vstack([key, *rows])
+    return key

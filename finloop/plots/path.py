@@ -1,6 +1,7 @@
 """A figure of a path: the requested path, the path of each mode, and the error along it."""
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
@@ -37,18 +38,29 @@ def draw_path(paths: pd.DataFrame, departures: pd.DataFrame, background: Picture
         parts = departures[departures["mode"] == mode]
         tank.plot(parts["asked_x_px"], parts["asked_y_px"], "o", ms=11, mfc="none", mec=colour)
         errors = figure.add_subplot(grid[row, 1], sharex=errors, sharey=errors)
-        errors.plot(path["time_s"], path["across"], color=colour, lw=1, label="beside the path")
-        if timed:
-            errors.plot(path["time_s"], path["late"], color=colour, lw=1, ls=":",
-                        label="from the requested place")  # fmt: skip
-        for part in parts.itertuples():
-            errors.axvspan(part.from_s, part.to_s, color=colour, alpha=0.15)
+        _draw_errors(errors, path, parts, colour, timed)
         beside = root_mean_square(path["across"].to_numpy())
         errors.set_title(f"{mode}: {beside:.3f} body lengths RMS beside the path", fontsize=10)
-        errors.set(ylabel="body lengths", ylim=(0, None))
-        errors.legend(frameon=False, loc="upper right", fontsize=8)
     if errors is not None:
         errors.set_xlabel("time (s)")
     tank.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
     tank.legend(frameon=True, loc="upper right")
     return figure
+
+
+def _draw_errors(
+    axes: Axes, path: pd.DataFrame, departures: pd.DataFrame, colour: str, timed: bool
+) -> None:
+    """Draw a mode's errors over time, with bands where the fish has left the path.
+
+    path, departures: the mode's rows, as in `draw_path`; timed: whether the path has times, so that
+    a fish can be late.
+    """
+    axes.plot(path["time_s"], path["across"], color=colour, lw=1, label="beside the path")
+    if timed:
+        axes.plot(path["time_s"], path["late"], color=colour, lw=1, ls=":",
+                  label="from the requested place")  # fmt: skip
+    for part in departures.itertuples():
+        axes.axvspan(part.from_s, part.to_s, color=colour, alpha=0.15)
+    axes.set(ylabel="body lengths", ylim=(0, None))
+    axes.legend(frameon=False, loc="upper right", fontsize=8)

@@ -23,14 +23,7 @@ def draw_sprites(
     tile, px. The picture is (h, w, 3).
     """
     count = count_orientations(sprites)
-    # All tiles have one scale, so that the largest cut-out, also a quarter turned, fits.
-    reach = 1
-    for row in sprites.itertuples():
-        for orientation in (1, 1 + count // 4):
-            cutout = load_cutout(row.sprite, orientation)
-            height, width = cutout.pixels.shape[:2]
-            x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
-            reach = max(reach, 1 + int(np.ceil(max(x, y, width - x, height - y))))
+    reach = _greatest_reach(sprites, load_cutout)  # all tiles have one scale
 
     def draw_orientation(row: Any, orientation: int, above: str, below: str) -> Picture:
         """Return a tile with a sprite, a row of the table, in an orientation, and two texts."""
@@ -52,6 +45,21 @@ def draw_sprites(
         below = f"{orientation_heading_deg(orientation, count):.0f} deg"
         tiles.append(draw_orientation(most_bent, orientation, above, below))
     return np.vstack([*bands, *join_in_rows(tiles, columns)])
+
+
+def _greatest_reach(sprites: pd.DataFrame, load_cutout: Callable[[int, int], Cutout]) -> int:
+    """Return how far [px] the largest cut-out reaches from its pivot, also a quarter turned.
+
+    sprites, load_cutout: as in `draw_sprites`.
+    """
+    reach = 1
+    for row in sprites.itertuples():
+        for orientation in (1, 1 + count_orientations(sprites) // 4):
+            cutout = load_cutout(row.sprite, orientation)
+            height, width = cutout.pixels.shape[:2]
+            x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
+            reach = max(reach, 1 + int(np.ceil(max(x, y, width - x, height - y))))
+    return reach
 
 
 def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:

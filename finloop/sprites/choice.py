@@ -691,14 +691,8 @@ def choose_run_combination(
     `size_off` in length, contrast and area.
     """
     sequences = [sequence for sequence in runs if runs[sequence]]
-    appearance = (
-        table[table["type"] == STRAIGHT]
-        .groupby("track_id")[["length_px", "contrast", "area_px"]]
-        .median()
-        .reindex(table["track_id"].unique())
-        .fillna(table[["length_px", "contrast", "area_px"]].median())
-    )
-    log_appearance = np.log(appearance)  # differences of logarithms are relative differences
+    # Differences of logarithms are relative differences.
+    log_appearance = np.log(_typical_appearance(table))
 
     def change_cost(track_a: int, track_b: int) -> float:
         """Return what a change from one track to another costs."""
@@ -718,3 +712,14 @@ def choose_run_combination(
         if total < best[0]:
             best = (total, choice)
     return best[1]
+
+
+def _typical_appearance(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the median length, contrast and area of each track where it swims straight.
+
+    A track that never does gets the medians of all rows. The index is the track's number.
+    """
+    names = ["length_px", "contrast", "area_px"]
+    straight = table[table["type"] == STRAIGHT]
+    of_tracks = straight.groupby("track_id")[names].median()
+    return of_tracks.reindex(table["track_id"].unique()).fillna(table[names].median())

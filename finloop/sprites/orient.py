@@ -20,7 +20,14 @@ from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.reel import Reel
 from finloop.features.table import orientation_heading_deg, wrap_deg
-from finloop.sprites.choice import SIDES, ChosenFrames, cycle_headings, smooth_series, turn_phases
+from finloop.sprites.choice import (
+    SIDES,
+    ChosenFrames,
+    FrameRun,
+    cycle_headings,
+    smooth_series,
+    turn_phases,
+)
 from finloop.sprites.settings import SpritesSettings
 
 _REACH = 4  # px that a Lanczos kernel of four lobes reaches beyond a pixel
@@ -68,27 +75,16 @@ def _sequence_rows(
     """
     run, sign = choice.run, -1 if choice.mirrored else 1
     frames = table.iloc[run.rows]
-    n, start, stop = len(frames), run.rows.start, run.rows.stop
-    has_next = stop < len(table) and table["track_id"].iat[stop] == run.track_id
     side = sign * SIDES.get(sequence, 0)  # of the turn as filmed; 0: no turn
-    # The headings [°] at which the frames, and the one that comes next, are drawn.
-    if side:
-        heading = smooth_series(table["heading"].to_numpy()[start : stop + has_next])
-    else:
-        heading = cycle_headings(table, start, n if has_next else n - 1)
-    if not has_next:  # the last change is repeated
-        heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
-    turned_back_deg = -np.minimum(side * np.diff(heading), 0).sum()
-    if side and turned_back_deg <= settings.turn_back_deg:  # it is noise, and taken out
-        heading = side * scipy.optimize.isotonic_regression(side * heading).x
+    heading = _drawn_headings(table, run, side, settings)
     length = frames["length_px"].to_numpy()
     step = frames[["step_x_px", "step_y_px"]].to_numpy()
     forward, sideways = to_body_axes(step, np.radians(heading[:-1])).T / length
     return frames[["track_id", "frame", "x_px", "y_px", "orientations"]].assign(
         sequence=sequence,
-        step=np.arange(n),
+        step=np.arange(len(frames)),
         phase=turn_phases(table, run, side, settings.hold) if side else "cycle",
-        row=np.arange(start, stop),
+        row=np.arange(run.rows.start, run.rows.stop),
         mirrored=choice.mirrored,
         heading_deg=wrap_deg(heading[:-1]),
         head_offset_deg=sign * wrap_deg(frames["heading"].to_numpy() - heading[:-1]),
@@ -99,6 +95,27 @@ def _sequence_rows(
         sideways=sign * sideways,
         turn_deg=sign * np.diff(heading),
     )
+
+
+def _drawn_headings(
+    table: pd.DataFrame, run: FrameRun, side: int, settings: SpritesSettings
+) -> Floats:
+    """Return the headings [°] at which the frames of a run, and the one that comes next, are drawn.
+
+    side: of the turn that the run shows, 1 left, −1 right, 0: no turn.
+    """
+    start, stop, frames = run.rows.start, run.rows.stop, run.rows.stop - run.rows.start
+    has_next = stop < len(table) and table["track_id"].iat[stop] == run.track_id
+    if side:
+        heading = smooth_series(table["heading"].to_numpy()[start : stop + has_next])
+    else:
+        heading = cycle_headings(table, start, frames if has_next else frames - 1)
+    if not has_next:  # the last change is repeated
+        heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
+    turned_back_deg = -np.minimum(side * np.diff(heading), 0).sum()
+    if side and turned_back_deg <= settings.turn_back_deg:  # it is noise, and taken out
+        heading = side * scipy.optimize.isotonic_regression(side * heading).x
+    return heading
 
 
 def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
