@@ -170,7 +170,7 @@ def _find_nearest_point(route: Route, x: float, y: float, along_px: float):  # t
     points are searched, more if x, y is far from the route.
     """
     start, _, _ = _points_around(route, along_px)
-    nearest_on, nearest, least_px2, index = 0, start, 1e300, start
+    points_on, nearest_index, least_px2, index = 0, start, 1e300, start
     on_path_px2 = route.step * route.step
     for i in range(route.x.size):
         beyond = route.step * (i - route.ahead - 1)
@@ -178,12 +178,12 @@ def _find_nearest_point(route: Route, x: float, y: float, along_px: float):  # t
             break  # farther ahead than twice the distance from the route
         square_px2 = (route.x[index] - x) ** 2 + (route.y[index] - y) ** 2
         if square_px2 < least_px2:
-            nearest_on, nearest, least_px2 = i, index, square_px2
-        elif i > nearest_on + 1 and least_px2 < on_path_px2:
+            points_on, nearest_index, least_px2 = i, index, square_px2
+        elif i > points_on + 1 and least_px2 < on_path_px2:
             break  # a fish on the path is not nearer to it farther ahead
         index += 1
         if index == route.x.size:
             if not route.closed:
                 break
             index = 0
-    return nearest_on, nearest
+    return points_on, nearest_index

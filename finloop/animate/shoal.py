@@ -130,7 +130,7 @@ class SchoolMember:
     def _next_goal(self) -> Goal | Route | None:
         """Return the path or the goal that the fish swims to now; None if it has none left.
 
-        A path at whose end the fish is is forgotten.
+        A path is forgotten once the fish is at its end.
         """
         if self._route is not None and self._route.is_done(self._state.progress.along, self.tick):
             self._route = None

@@ -39,7 +39,7 @@ class FilmOutlines:
         """Return how far (n,), px as filmed, each outline reaches from the mass centre."""
 
         def measure_reach(rows: slice) -> Floats:
-            """Return the reach of some rows."""
+            """Return how far (k,), px, the outlines of k rows reach from their mass centres."""
             return np.asarray(_reach_from_centre(self.outline_px[rows], self.centre_px[rows]))
 
         return np.concatenate(map_row_blocks(measure_reach, len(self.centre_px)))

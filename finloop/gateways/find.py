@@ -128,7 +128,7 @@ def draw_sprites_and_next(
         return next_pictures, reel.draw_sprites(size_px, orientation)
     row, next_row = _rows_of_sprites(reel)
     next_pictures = reel.draw_rows(next_row, size_px, pose)
-    mirrored = reel.sprites["mirrored"].to_numpy()
+    mirrored = reel.sprites["mirrored"].to_numpy()  # so is the frame after a mirrored sprite
     next_pictures[mirrored] = next_pictures[mirrored, ::-1]
     sprite_pictures = [
         reel.draw_sprite(number, size_px, orientation=1, turn_deg=-angle)

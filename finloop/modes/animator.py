@@ -160,7 +160,7 @@ class ModeAssets(NamedTuple):
 
 
 def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
-    """Return what all modes share of a film: it at its drawn size, tank, pictures, outlines.
+    """Return what all modes share: the film at its drawn size, its tank, pictures and outlines.
 
     film_data: what is taken from the film; p: the group `animate` of the parameters.
     """

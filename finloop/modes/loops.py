@@ -285,11 +285,12 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Return where the film leads from each candidate (k,), as the six columns of `RollOuts`.
 
-    Each candidate is played on as long as it stays in the tank; of the loop ends that pass the
-    tests, the one nearest to the goal is kept. legal (h, w): where the fish's centre may be; ends
-    (n,): whether a roll-out may end at a row; place_px: x, y of the first place; goal: `Target`;
-    least_rows: to show after a jump; most_deg: largest angle between the first heading and the
-    direction of the loop end (Fig. 13).
+    Each candidate is played on as long as it stays in the tank. Of the loop ends that pass the
+    tests, the one nearest to the goal gives ticks, distance, touch, quadrant and verdict; the last
+    column is the ticks to the one nearest to the goal of all. legal (h, w): where the fish's centre
+    may be; ends (n,): whether a roll-out may end at a row; place_px: x, y of the first place; goal:
+    `Target`; least_rows: to show after a jump; most_deg: largest angle between the first heading
+    and the direction of the loop end (Fig. 13).
     """
     count = candidates.rows.size
     ticks, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)

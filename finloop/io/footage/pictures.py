@@ -84,7 +84,7 @@ def _list_folder(folder: Path, has_rate: bool) -> Album:
         times = times_in_files(files)
     if times is not None:
         order = np.argsort(times)
-        # Known times make the notes on gaps in the numbers void.
+        # Known times are used in place of the frame numbers, so the notes on their gaps are void.
         files, times, notes = [files[k] for k in order], times[order], ()
     load = partial(_load_file, files)
     return Album([str(file) for file in files], load, frame_numbers, notes, times)
