@@ -141,7 +141,7 @@ def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after
 
 @kernel
 def _places_of_others(trajectories, begins, ticks, fish, tick):  # type: ignore[no-untyped-def]
-    """Return what `Plans.others` does, (n, m, 4).
+    """Return where all fish but `fish` will be from `tick` on, as planned: see `Plans.others`.
 
     trajectories (fish, t, 4): of all fish; begins, ticks (fish,): first tick and duration of each,
     0 long where a fish has not planned yet. Compiled, as every decision of every fish needs it.

@@ -136,10 +136,10 @@ def _choose_from_part(
     rows: Ints, batch: Ints, members: Ints, looks: NDArray[np.float32], apart_rows: int,
     p: ForecastSettings, queries: Ints, near: Ints,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Return what `_choose_passages` does, given numbers within one part of the film.
+    """Choose similar rows for queries (k,) from one part of the film: see `_choose_passages`.
 
-    members: numbers in `rows` of the part's rows; queries (k,): numbers in `batch`; near (k, l):
-    numbers in `members`, the nearest first, −1 for none.
+    members: numbers in `rows` of the part's rows; queries: numbers in `batch`; near (k, l): numbers
+    in `members`, the nearest first, −1 for none.
     """
     count = _SPARE * p.neighbours
     candidates = np.where(near < 0, -1, members[near])

@@ -252,7 +252,7 @@ class Loops:
         ticks, last_row = len(stretch.trajectory), int(stretch.number[-1])
         x, y, heading = map(float, stretch.trajectory[-1])
         assert stretch.rot is not None
-        begins_anew = stretch.new or fish.row < 0
+        begins_anew = stretch.new or fish.row < 0  # `since` counts the ticks from there on
         return Fish(
             x, y, float(wrap(heading)), speed=float(self.film.speed[last_row]), state=FILM,
             sprite=-1, area=float(self.film.area[last_row]), tick=fish.tick + ticks, row=last_row,

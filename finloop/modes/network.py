@@ -317,7 +317,7 @@ class Network:
             phase = float(stretch.phase[-1]) % len(self.sprites.cycles[stretch.state])
         is_bent = stretch.state == TURN and not stretch.whole
         area = float(self.sprites.area[sprite]) if is_bent else 0.0
-        since = ticks if fish.row >= 0 else fish.since + ticks
+        since = ticks if fish.row >= 0 else fish.since + ticks  # the film was left
         return Fish(
             x, y, float(wrap(heading)), speed, stretch.state, sprite, phase=phase, area=area,
             tick=fish.tick + ticks, since=since,
