@@ -11,7 +11,7 @@ from finloop.plan.cost import CostWeights
 from finloop.plan.graph import MotionGraph, ticks_to_film_end
 from finloop.plan.walls import Bounds
 
-JUMP = np.dtype([("cost", "f8"), ("to", "i8")])
+JUMP = np.dtype([("cost", "f4"), ("to", "i4")])
 """A jump: ticks that its seam costs; the row that it leads to. Together they are read faster."""
 PREVIEW = np.dtype(
     [
