@@ -184,14 +184,8 @@ class Tempo(NamedTuple):
         usual lag.
         """
         rows, keeps = film.rows[: film.filmed_count], float(np.exp(-1 / memory_ticks))
-        lags, lag = [], 0.0
-        for row_lag, has_next in zip(
-            row_lags(rows).tolist(), rows["has_next"].tolist(), strict=True
-        ):
-            lag = keeps * lag + row_lag
-            lags.append(lag)
-            lag = lag if has_next else 0.0  # the next row begins a track
-        usual = float(np.sqrt(np.mean(np.array(lags, float) ** 2)))
+        lags = _sum_fading_lags(row_lags(rows), rows["has_next"], keeps)
+        usual = float(np.sqrt(np.mean(lags**2)))
         return cls(mean_step_px(rows), keeps, max(usual, least_ticks))
 
     def lag_after(self, lag: float, trajectory: Floats, begin_px: tuple[float, float]) -> float:
@@ -230,6 +224,22 @@ def _lag_after(step_px, keeps, lag, trajectory, begin_px):  # type: ignore[no-un
         lag = keeps * lag + 1 - np.hypot(trajectory[t, 0] - x, trajectory[t, 1] - y) / step_px
         x, y = trajectory[t, 0], trajectory[t, 1]
     return lag
+
+
+@kernel
+def _sum_fading_lags(row_lags, has_next, keeps):  # type: ignore[no-untyped-def]
+    """Return the lag (n,) at each row, ticks: the row's own, plus what is left of the one before.
+
+    row_lags (n,): the rows' own; has_next (n,): whether the film goes on from a row, as after it
+    another track begins with no lag; keeps: share of a lag that is left after a tick.
+    """
+    lags, lag = np.empty(len(row_lags)), 0.0
+    for row in range(len(row_lags)):
+        lag = keeps * lag + row_lags[row]
+        lags[row] = lag
+        if not has_next[row]:
+            lag = 0.0
+    return lags
 
 
 class Steering(NamedTuple):

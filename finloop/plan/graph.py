@@ -78,11 +78,25 @@ class MotionGraph(NamedTuple):
         """Return the rows (k,) after which the film can play on for ever."""
         return np.flatnonzero(self.has_next[:-1] & self.recurrent[1:])
 
-    def keep_jumps(self, allowed: Mask) -> "MotionGraph":
-        """Return the graph with only those of its jumps (e,) that `allowed` (e,) marks."""
-        new_number = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
-        start = new_number[self.start]
-        return self._replace(start=start, to=self.to[allowed], seam=self.seam[allowed])
+    def keep_jumps_to(self, allowed: Mask) -> "MotionGraph":
+        """Return the graph with only its jumps to the rows that `allowed` (n,) marks."""
+        start, to, seam = _jumps_to_rows(allowed, self.start, self.to, self.seam)
+        return self._replace(start=start, to=to, seam=seam)
+
+
+@kernel
+def _jumps_to_rows(allowed, start, to, seam):  # type: ignore[no-untyped-def]
+    """Return start, to and seam of a `MotionGraph` with only its jumps to allowed rows (n,)."""
+    new_start, new_to, new_seam = np.empty_like(start), np.empty_like(to), np.empty_like(seam)
+    kept = 0
+    for slot in range(len(start) - 1):
+        new_start[slot] = kept
+        for jump in range(start[slot], start[slot + 1]):
+            if allowed[to[jump]]:
+                new_to[kept], new_seam[kept] = to[jump], seam[jump]
+                kept += 1
+    new_start[-1] = kept
+    return new_start, new_to[:kept].copy(), new_seam[:kept].copy()
 
 
 class Jumps(NamedTuple):
@@ -171,7 +185,7 @@ def motion_graph(
     has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
     rows["recurrent"] = find_endless_rows(has_next, jump_slot, graph.start, graph.to)
     can_lead = rows["has_next"] & np.append(rows["recurrent"][1:], False)
-    return graph.keep_jumps(can_lead[graph.to])
+    return graph.keep_jumps_to(can_lead)
 
 
 def random_fish_in_film(film: MotionGraph, tank: Tank, rng: np.random.Generator) -> Fish:

@@ -53,7 +53,7 @@ def search_graph(
     run = ticks_to_film_end(film.rows["has_next"])
     # Jumps to where the film ends within a stride are dropped: branches with so short legs cost
     # least after each leg, and would crowd out all others of the beam.
-    film = film.keep_jumps(run[film.to] >= weights.stride)
+    film = film.keep_jumps_to(run >= weights.stride)
     jumps = np.zeros(len(film.to), JUMP)
     jumps["cost"], jumps["to"] = weights.seam * film.seam, film.to
     leg = _leg_ticks(film.rows["jump_slot"] >= 0, run, weights.stride)
