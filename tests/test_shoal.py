@@ -441,6 +441,7 @@ def open_mode(project, mode=stages.modes.matching, **changes):
         p = build_settings(word, read_parameters(project.root / "params.yaml"))
         return replace(p, **{name: one for name, one in changes.items() if hasattr(p, name)})
 
+    project.forget("film_assets", "sprite_assets")  # they depend on these parameters
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(project, "settings", change_settings)
         return mode.open_mode(project)
