@@ -96,7 +96,7 @@ def _jumps_to_rows(allowed, start, to, seam):  # type: ignore[no-untyped-def]
                 new_to[kept], new_seam[kept] = to[jump], seam[jump]
                 kept += 1
     new_start[-1] = kept
-    return new_start, new_to[:kept].copy(), new_seam[:kept].copy()
+    return new_start, new_to[:kept], new_seam[:kept]
 
 
 class Jumps(NamedTuple):

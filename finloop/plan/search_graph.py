@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Ints, Mask
-from finloop.base.axes import to_body_axes
+from finloop.base.kernel import kernel
 from finloop.plan.cost import CostWeights
 from finloop.plan.graph import MotionGraph, ticks_to_film_end
 from finloop.plan.walls import Bounds
@@ -73,19 +73,23 @@ def _leg_ticks(is_jump_row: Mask, run: Ints, stride: int) -> Ints:
     return np.minimum(run, next_jump_rows - rows)
 
 
-def _make_previews(rows: NDArray[np.void], ticks: Ints) -> NDArray[np.void]:
-    """Return where the film leads from each row (n,), dtype `PREVIEW`; ticks (n,): it looks ahead.
+@kernel
+def _make_previews(rows, ticks):  # type: ignore[no-untyped-def]
+    """Return where the film leads from each row (n,) in `ticks` (n,), of dtype `PREVIEW`.
 
-    rows (n,): of the motion graph, from each of which the film plays on for so many ticks.
+    rows (n,): of dtype `ROW`.
     """
-    previews, headings = np.zeros(len(rows), PREVIEW), np.radians(rows["heading"])
-    previews["ticks"] = ticks
-    numbers = np.arange(len(rows))
-    for prefix, ticks_ahead in (("", ticks), ("half_", ticks // 2)):
-        offset = np.column_stack([rows[axis][numbers + ticks_ahead] - rows[axis] for axis in "xy"])
-        previews[prefix + "ahead"], previews[prefix + "left"] = to_body_axes(offset, headings).T
-        previews[prefix + "far"] = np.hypot(*offset.T)
-        if not prefix:
-            previews["dx"], previews["dy"] = offset.T
-    previews["cos"], previews["sin"] = np.cos(headings), np.sin(headings)
+    previews = np.empty(len(rows), PREVIEW)
+    for row in range(len(rows)):
+        here, there, halfway = rows[row], rows[row + ticks[row]], rows[row + ticks[row] // 2]
+        cos, sin = np.cos(np.radians(here.heading)), np.sin(np.radians(here.heading))
+        dx, dy = there.x - here.x, there.y - here.y
+        half_dx, half_dy = halfway.x - here.x, halfway.y - here.y
+        preview = previews[row]
+        preview.ticks, preview.cos, preview.sin = ticks[row], cos, sin
+        preview.dx, preview.dy, preview.far = dx, dy, np.hypot(dx, dy)
+        preview.ahead, preview.left = dx * cos - dy * sin, -dx * sin - dy * cos
+        preview.half_ahead = half_dx * cos - half_dy * sin
+        preview.half_left = -half_dx * sin - half_dy * cos
+        preview.half_far = np.hypot(half_dx, half_dy)
     return previews
