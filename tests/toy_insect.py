@@ -21,6 +21,7 @@ _HIPS = np.array([0.22, 0.12, 0.0])  # x, of the fore, middle and hind legs
 _FEET = np.array([[0.5, 0.3], [0.1, 0.42], [-0.3, 0.4]])  # x, y in the middle of a step
 _STEP = 0.2  # range of a foot under the body
 _ANTENNA = (0.48, 0.25, 0.5, 0.35)  # root, length, mean angle and swing [radians]
+_FINER = 4  # the insect is drawn so many times as large, and reduced: thin legs keep their width
 _SUBPIXEL = 4  # bits of a pixel's fraction in the drawing
 _FLOOR, _COAT, _LEG = 205, 60, 95  # grey levels
 _BLUR_PX = 0.7
@@ -73,20 +74,23 @@ def walker_frames(film: WalkerFilm) -> Iterator[Picture]:
     """Yield the frames of the insect's film, (height, width) uint8."""
     rng = np.random.default_rng(film.seed)
     shape = (film.height_px, film.width_px)
+    large_shape = (_FINER * film.height_px, _FINER * film.width_px)
     for row in walker_truth(film).itertuples():
-        ahead = np.array([row.head_x_px - row.x_px, row.head_y_px - row.y_px]) * 2
+        middle = _FINER * (np.array([row.x_px, row.y_px]) + 0.5) - 0.5  # pixel centres: integers
+        ahead = np.array([row.head_x_px - row.x_px, row.head_y_px - row.y_px]) * 2 * _FINER
         axes = np.stack([ahead, [ahead[1], -ahead[0]]])  # y points down, so the left is so
-        picture = np.full(shape, _FLOOR, np.uint8)
+        large = np.full(large_shape, _FLOOR, np.uint8)
         phase = row.frame * film.steps_hz / film.frame_rate_hz
         for line, thickness in _limbs_at(phase):
-            points = np.array([row.x_px, row.y_px]) + line @ axes
-            width = max(1, round(thickness * film.leg_width * film.body_length_px))
-            cv2.polylines(picture, [_subpixels(points)], False, _LEG, width, cv2.LINE_AA, _SUBPIXEL)
+            points = middle + line @ axes
+            width = max(1, round(_FINER * thickness * film.leg_width * film.body_length_px))
+            cv2.polylines(large, [_subpixels(points)], False, _LEG, width, cv2.LINE_AA, _SUBPIXEL)
         circle = np.linspace(0, 2 * np.pi, 48, endpoint=False)
-        for middle, half_length, half_width in _BODY:
-            ring = [middle + half_length * np.cos(circle), half_width * np.sin(circle)]
-            points = np.array([row.x_px, row.y_px]) + np.stack(ring, axis=1) @ axes
-            cv2.fillPoly(picture, [_subpixels(points)], _COAT, cv2.LINE_AA, _SUBPIXEL)
+        for forward, half_length, half_width in _BODY:
+            ring = [forward + half_length * np.cos(circle), half_width * np.sin(circle)]
+            points = middle + np.stack(ring, axis=1) @ axes
+            cv2.fillPoly(large, [_subpixels(points)], _COAT, cv2.LINE_AA, _SUBPIXEL)
+        picture = cv2.resize(large, shape[::-1], interpolation=cv2.INTER_AREA)
         blurred = cv2.GaussianBlur(picture, (0, 0), _BLUR_PX)
         noise = film.noise_grey * rng.standard_normal(shape, np.float32)
         yield np.clip(np.rint(blurred + noise), 0, 255).astype(np.uint8)
