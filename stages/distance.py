@@ -74,8 +74,8 @@ def main() -> None:
     save_metrics(REPORT / "metrics.json", metrics)
     if frames < len(features):
         print(
-            f"distance: {frames:,} of the film's {len(features):,} pictures are compared, in "
-            "stretches spread over it (distance.max_pictures); loops and gateways are of these",
+            f"distance: {frames:,} of the film's {len(features):,} rows are compared, in "
+            "stretches spread over it (distance.max_rows); loops and gateways are of these",
             file=sys.stderr,
         )
     if not len(pairs):

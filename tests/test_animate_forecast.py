@@ -222,7 +222,7 @@ def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted(
 
 
 def test_who_rests_for_most_of_the_film_is_brisk_when_it_swims():
-    p = replace(own_world().settings, typical_speed_quantile=0.75)
+    p = replace(own_world().settings, expected_speed_quantile=0.75)
     speed = np.where(np.arange(1000) % 10 == 0, 4.0, 0.0)
     assert fast_rate(speed, p) == pytest.approx(0.4)
     assert fast_rate(speed + 1, p) == 1

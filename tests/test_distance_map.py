@@ -245,12 +245,12 @@ def test_the_map_of_a_part_is_that_part_of_the_map(workspace, pose, capsys):
         "distance.picture_size_px=24",
     )
     whole, every, _, _ = run_stage(workspace, *small)
-    pairs, steps, _, metrics = run_stage(workspace, *small, "distance.max_pictures=40")
+    pairs, steps, _, metrics = run_stage(workspace, *small, "distance.max_rows=40")
     features = load_table(workspace / "data/features/features.parquet", FEATURES)
     rows = find_map_rows(features, steps)
     assert len(rows) == len(steps) == metrics["frames"] < len(features)
     assert metrics["film_mapped_pct"] == pytest.approx(100 * len(rows) / len(features), rel=1e-3)
-    assert "distance.max_pictures" in capsys.readouterr().err
+    assert "distance.max_rows" in capsys.readouterr().err
     inside = whole[np.isin(whole[["i", "j"]], rows).all(axis=1)]
     np.testing.assert_array_equal(pairs[["i", "j"]], inside[["i", "j"]])
     np.testing.assert_allclose(pairs["distance"], inside["distance"], atol=EXACT)

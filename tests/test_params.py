@@ -133,6 +133,20 @@ def test_a_parameter_of_another_group_is_answered_by_its_name_there(name, told):
     assert problem.startswith(f"{name}: unknown; {told}")
 
 
+def test_an_old_name_is_answered_with_one_that_there_is():
+    for word, option in EVERY:
+        declared, values = VARIANTS[word][option], read_conf_values(word, option)
+        for old in getattr(declared, "RENAMED", {}):
+            (problem,) = [
+                problem
+                for problem in check_values(word, VARIANTS[word], values | {old: 1})[1]
+                if problem.startswith(f"{word}.{old}: ")
+            ]
+            new = re.search(rf"it is (?:a constant now, \w+|{word})\.(\w+)", problem)
+            assert new is not None, problem
+            assert hasattr(declared, new[1]) or new[1] in values, problem
+
+
 @pytest.mark.parametrize("mode", ["nn", "fly", ["network"]])
 def test_a_mode_that_there_is_not_is_answered_by_those_that_there_are(mode):
     (problem,) = check_values(

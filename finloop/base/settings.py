@@ -84,7 +84,7 @@ GONE = {
             ("rare", "rarity_weight"),
             ("again", "repeat_cost"),
             ("free", "choice_noise"),
-            ("brisk", "typical_speed_quantile"),
+            ("brisk", "expected_speed_quantile"),
             ("seam", "discontinuity_cost"),
             ("tempo", "lag_cost"),
             ("path_share", "path_max_correction_ratio"),
@@ -99,7 +99,7 @@ GONE = {
     **{
         old: f"it is a constant now, MatchingSettings.{new}"
         for old, new in (
-            ("brisk_least", "typical_speed_least"),
+            ("brisk_least", "expected_speed_least"),
             ("memory", "repeat_memory"),
             ("path_reach", "path_steer_ahead"),
             ("path_effort", "path_correction_cost"),

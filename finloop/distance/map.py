@@ -367,9 +367,9 @@ def _choose_and_sort_rows(features: pd.DataFrame, settings: DistanceSettings) ->
     """Return the rows to compare, and their order: all of the film, or stretches of a longer one.
 
     The order is by kind, then by motion area: see `SortedRows`. Stretches are drawn at random until
-    they have `max_pictures` rows.
+    they have `max_rows` rows.
     """
-    most_rows, track = settings.max_pictures, features["track_id"].to_numpy()
+    most_rows, track = settings.max_rows, features["track_id"].to_numpy()
     stretches = sample_stretches(track, max(2, most_rows // _STRETCHES), most_rows, seed=0)
     rows = np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in stretches])
     features = features.iloc[rows]
@@ -385,7 +385,7 @@ def compare_frames(
     """Return all pairs of similar frames of a film (Eqs. 5-8), and its steps from frame to frame.
 
     film: its cut-outs and features; advance(): called after each block. In a film of more than
-    `settings.max_pictures` frames only stretches are compared. FinloopError if the film does not
+    `settings.max_rows` rows only stretches are compared. FinloopError if the film does not
     move.
     """
     size, pose = settings.picture_size_px, settings.frame_of_reference

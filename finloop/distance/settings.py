@@ -16,7 +16,7 @@ class DistanceSettings:
     picture_size_px: Annotated[int, Field(ge=8, le=256)]
     motion_area_threshold: Annotated[float, Field(ge=0, le=1)]
     max_distance_steps: Positive | None
-    max_pictures: Annotated[int, Field(ge=2)]
+    max_rows: Annotated[int, Field(ge=2)]
 
     picture_frames: ClassVar[int] = 1200  # drawn in the maps of Fig. 9, at most: a pixel each
     RENAMED: ClassVar = {
@@ -24,5 +24,6 @@ class DistanceSettings:
         "size": "picture_size_px",
         "area_threshold": "motion_area_threshold",
         "keep": "max_distance_steps",
-        "most_pictures": "max_pictures",
+        "most_pictures": "max_rows",
+        "max_pictures": "max_rows",
     }

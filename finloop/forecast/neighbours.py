@@ -26,7 +26,7 @@ _BATCH = 512  # rows whose neighbours are sought at a time
 _TURN = 4096  # successive rows whose neighbours are all in one part of a long film
 _STRETCH = 20  # Δ, length of the stretches of film of which a part consists
 _BLOCK = 50_000  # rows embedded at a time, to save memory
-_SPARE = 2  # times `neighbours`: rows of different passages, drawn to find `neighbours` alike ones
+_SPARE = 2  # times `similar_frames`: rows of different passages, drawn to find so many alike
 _NEAR = 8  # times that number: rows that look alike, examined to find as many passages
 _MOST = 16_384  # nearest rows among which they are sought at most, fewer in a part of the film
 _FEWEST = 2  # times the examined rows: nearest rows among which they are sought at least
@@ -41,9 +41,9 @@ def build_similarity_graph(
 ) -> tuple[Ints, NDArray[np.int32]]:
     """Return the graph of similar rows, as start (m + 1,) and to (e,).
 
-    The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most `p.neighbours`,
-    not too near in time to itself and each other; then the relation is made symmetric, and mirror
-    images get the mirror images. The rows after two similar ones differ by at most `p.look` in
+    The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most
+    `p.similar_frames`, not too near in time to itself and each other; then the relation is made
+    symmetric, and mirror images get the mirror images. The rows after two similar ones differ by at most `p.look` in
     light and skin (look (m, k), of total variance 1), and by at most `p.max_discontinuity` in
     visible distance. FinloopError if no two rows are similar.
     """
@@ -104,9 +104,9 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     """Yield pairs (k, 2) of the film's rows, ascending, and similar rows, the most similar first.
 
     look (m, k): light and skin of each row; the rows after a pair look alike. A row has up to twice
-    `p.neighbours` similar rows, each of another passage of film. Pairs come in batches. In a film
-    of several parts (`assign_parts`) all neighbours of a row are in one part, which changes every
-    few thousand rows.
+    `p.similar_frames` similar rows, each of another passage of film. Pairs come in batches. In a
+    film of several parts (`assign_parts`) all neighbours of a row are in one part, which changes
+    every few thousand rows.
     """
     rows, film_rows = film.rows, int((film.rows < film.count).sum())  # with mirror images; without
     pasts, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
@@ -121,7 +121,7 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
         return members, Nearest.from_vectors(pasts[members], MOST if parts == 1 else len(members))
 
     apart_rows = max(film.delta, round(film.memory))
-    examined = _NEAR * _SPARE * p.neighbours
+    examined = _NEAR * _SPARE * p.similar_frames
     most_near = max(_MOST // parts, _FEWEST * examined)
     for first in range(0, film_rows, _BATCH):
         batch = np.arange(first, min(first + _BATCH, film_rows))
@@ -141,7 +141,7 @@ def _choose_from_part(
     members: numbers in `rows` of the part's rows; queries: numbers in `batch`; near (k, l): numbers
     in `members`, the nearest first, −1 for none.
     """
-    count = _SPARE * p.neighbours
+    count = _SPARE * p.similar_frames
     candidates = np.where(near < 0, -1, members[near])
     return _choose_passages(
         rows, batch, looks, p.look, queries, candidates, _NEAR * count, apart_rows, count
@@ -151,21 +151,21 @@ def _choose_from_part(
 def _choose_alike_pairs(
     pairs: Ints, film_rows: int, visible: VisibleDistance, p: ForecastSettings
 ) -> Ints:
-    """Return the pairs that look alike, at most `p.neighbours` for each row.
+    """Return the pairs that look alike, at most `p.similar_frames` for each row.
 
     pairs (k, 2): of rows, sorted; film_rows: number of the film's rows, without mirror images.
     """
     row = np.unique(pairs[:, 0], return_inverse=True)[1]  # numbered without gaps
     rank = np.arange(len(pairs)) - np.searchsorted(row, row)  # of a pair among those of its row
-    first = np.flatnonzero(rank < p.neighbours)
+    first = np.flatnonzero(rank < p.similar_frames)
     alike = np.zeros(len(pairs), bool)
     alike[first] = _visible_distances_after(pairs[first], film_rows, visible) <= p.max_discontinuity
     # The remaining pairs are drawn only for rows that lack neighbours.
-    lacks = np.bincount(row[first], alike[first]) < p.neighbours
-    rest = np.flatnonzero((rank >= p.neighbours) & lacks[row])
+    lacks = np.bincount(row[first], alike[first]) < p.similar_frames
+    rest = np.flatnonzero((rank >= p.similar_frames) & lacks[row])
     alike[rest] = _visible_distances_after(pairs[rest], film_rows, visible) <= p.max_discontinuity
     pairs, row = pairs[alike], row[alike]
-    return pairs[np.arange(len(pairs)) - np.searchsorted(row, row) < p.neighbours]
+    return pairs[np.arange(len(pairs)) - np.searchsorted(row, row) < p.similar_frames]
 
 
 def _visible_distances_after(pairs: Ints, film_rows: int, visible: VisibleDistance) -> Floats:

@@ -21,7 +21,7 @@ class ForecastSettings:
     held_out_block_deltas: Positive
     held_out_ratio: Share
 
-    neighbours: Count
+    similar_frames: Count
     max_discontinuity: Positive
 
     lags: ClassVar[tuple[float, ...]] = (0.0, 0.17, 0.33, 0.67, 1.0)
@@ -49,4 +49,5 @@ class ForecastSettings:
         "block": "held_out_block_deltas",
         "held_out": "held_out_ratio",
         "seen": "max_discontinuity",
+        "neighbours": "similar_frames",
     }

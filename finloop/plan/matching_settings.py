@@ -24,7 +24,7 @@ class MatchingSettings:
     follow_pairs: list[list[int]]
     wander: Literal["film", "places"]
 
-    typical_speed_quantile: Share
+    expected_speed_quantile: Share
     search_step_deltas: Positive
     replan_interval_deltas: Positive
     look_ahead_deltas: Positive
@@ -47,8 +47,8 @@ class MatchingSettings:
     give_way: ClassVar[float] = 3.0
     """Δ for which a search expects another fish to stay where its plan ends: about as long as
     `replan_interval_deltas`, until its next plan."""
-    typical_speed_least: ClassVar[float] = 0.1
-    """Least typical speed, as a share of the film's highest: where animals rest for most of the
+    expected_speed_least: ClassVar[float] = 0.1
+    """Least expected speed, as a share of the film's highest: where animals rest for most of the
     film, the quantile is about 0."""
     repeat_memory: ClassVar[float] = 300.0
     """Δ after which film that was on screen costs nothing any more: about a minute, as long as an
@@ -78,6 +78,7 @@ class MatchingSettings:
         "path_film": "path_own_frames",
         "path_correction": "path_max_correction_ratio",
         "path_left": "path_max_offset_bl",
+        "typical_speed_quantile": "expected_speed_quantile",
     }
 
 

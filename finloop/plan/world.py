@@ -143,8 +143,8 @@ def fast_rate(rates: Floats, settings: AllSettings) -> float:
     """Return the speed, or the turn rate, of a fast fish of a film, in the unit of `rates`.
 
     rates (n,): all speeds, or turn rates, of the film. The result is their quantile
-    `typical_speed_quantile`, but at least `typical_speed_least` of a very high quantile: a fish may
-    rest for most of the film.
+    `expected_speed_quantile`, but at least `expected_speed_least` of a very high quantile: a fish
+    may rest for most of the film.
     """
-    quantile, quick = np.quantile(rates, (settings.typical_speed_quantile, _QUICK))
-    return float(max(quantile, settings.typical_speed_least * quick, 1e-6))
+    quantile, quick = np.quantile(rates, (settings.expected_speed_quantile, _QUICK))
+    return float(max(quantile, settings.expected_speed_least * quick, 1e-6))
