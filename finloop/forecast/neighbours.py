@@ -43,9 +43,9 @@ def build_similarity_graph(
 
     The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most
     `p.similar_frames`, not too near in time to itself and each other; then the relation is made
-    symmetric, and mirror images get the mirror images. The rows after two similar ones differ by at most `p.look` in
-    light and skin (look (m, k), of total variance 1), and by at most `p.max_discontinuity` in
-    visible distance. FinloopError if no two rows are similar.
+    symmetric, and mirror images get the mirror images. The rows after two similar ones differ by at
+    most `p.look` in light and skin (look (m, k), of total variance 1), and by at most
+    `p.max_discontinuity` in visible distance. FinloopError if no two rows are similar.
     """
     batches = _find_similar_pairs(film, look, p)
     alike = [_choose_alike_pairs(pairs, film.count, visible, p) for pairs in batches]
