@@ -10,8 +10,6 @@ from finloop.features.head import HeadCues
 from finloop.features.metrics import (
     compare_heads_with_external,
     compare_with_truth,
-    judge_frames_per_beat,
-    measure_frames_per_beat,
     metrics_in_mm,
     orientation_table,
     rows_of_longest_track,
@@ -27,6 +25,7 @@ from finloop.features.table import (
     measure_features,
     track_slices,
 )
+from finloop.features.verdict import list_findings
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import TRUTH_NAME
 from finloop.project import Project
@@ -61,7 +60,6 @@ def main() -> None:
         "turn_threshold_deg": thresholds.turn_deg,
         "bend_threshold_body_lengths_2": thresholds.bend,
         "current_body_lengths_s": current_bl_s,
-        "frames_per_beat": measure_frames_per_beat(table),
     }
     if facts.mm_per_px is not None:
         tank = facts.width_px, facts.height_px
@@ -75,7 +73,7 @@ def main() -> None:
     save_csv(REPORT / "table1.csv", orientation_table(table), decimals=3)
     fig7 = rows_of_longest_track(table)[["frame", "motion_area_rel", "swimming_type"]]
     save_csv(REPORT / "fig7.csv", fig7, decimals=4)
-    report_findings(TABLE.parent, {"": judge_frames_per_beat(metrics["frames_per_beat"])})
+    report_findings(TABLE.parent, {"": list_findings(metrics)})
 
 
 def _report_assumptions(settings: FeaturesSettings, cues: HeadCues, current_bl_s: float) -> None:

@@ -50,7 +50,6 @@ SOURCES = {
     "file": ("Own footage", "The footage stays its authors'. The program's licence is MIT."),
 }
 TANK, BESIDE = Path("data/tank/tank.html"), Path("data/animate/beside")
-_ENOUGH_AHEAD_PCT = 50.0  # of moving animals; of fewer, heads and tails may be exchanged
 TABLES = {  # by chapter
     "filmed": (
         ("data/extract/films.csv", "The films, and how their fish are matched to the first film's"),
@@ -116,11 +115,11 @@ def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]
     )
 
 
-def _list_doubts(features: dict[str, float]) -> pd.DataFrame:
+def _list_doubts() -> pd.DataFrame:
     """Return what is doubtful in the film and in the modes.
 
     Columns about, doubt (a sentence), and, of a fault that is seen in a frame, picture (its path)
-    and caption, else NaN. features: the numbers of the stage `features`.
+    and caption, else NaN.
     """
     faults = load_faults([CLIP, EXTRACT, FEATURES])
     if (path := FAULTS / "pictures.csv").is_file():
@@ -129,13 +128,6 @@ def _list_doubts(features: dict[str, float]) -> pd.DataFrame:
     faults["about"] = faults["film"].replace("", "The film")
     faults["doubt"] = faults["measured"] + " " + faults["what to do"]
     tables = [faults, pd.read_csv(BESIDE / "doubts.csv").rename(columns={"mode": "about"})]
-    ahead = features.get("headed_along_travel_pct", 100.0)
-    if ahead < _ENOUGH_AHEAD_PCT:
-        text = (
-            f"only {ahead:.0f} % of the moving animals go where the head points: heads may be "
-            "tails (features.head)"
-        )
-        tables.insert(0, pd.DataFrame({"about": ["The film"], "doubt": [text]}))
     doubts = pd.concat(tables, ignore_index=True)
     return doubts.reindex(columns=["about", "doubt", "picture", "caption"])
 
@@ -197,7 +189,7 @@ def main() -> None:
     film, poster = load_film_below_size(film_path, round(p.max_film_mb * 1e6))
     numbers = {word: load_numbers(REPORTS / word) for word in values if word != "report"}
     chapters, changes = list(_load_chapters(p)), list_overrides(values)
-    doubts = _list_doubts(numbers["features"])
+    doubts = _list_doubts()
     page = _comparison_film(p) | {
         "title": "A fish, filmed once and steered for ever",
         "facts": _describe_film(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from scipy.special import erf
 from scratch import write_frames
+from toy_insect import WalkerFilm, walker_frames
 
 from finloop.base.parallel import ALONE
 from finloop.base.settings import settings
@@ -21,8 +22,13 @@ from finloop.extract.segment import Silhouette
 from finloop.extract.table import tracks_schema
 from finloop.extract.verdict import list_findings as judge_animals
 from finloop.extract.write import extract_tracks
-from finloop.features.metrics import judge_frames_per_beat, measure_frames_per_beat
-from finloop.features.table import measure_features
+from finloop.features.metrics import (
+    measure_frames_per_beat,
+    measure_heading_jumps,
+    summarize_features,
+)
+from finloop.features.table import measure_features, wrap_deg
+from finloop.features.verdict import list_findings as judge_headings
 from finloop.io.movie import Mp4Writer, VideoWriter
 from finloop.io.table import load_table
 
@@ -65,7 +71,7 @@ def faults(folder: Path, frames: list[np.ndarray], rate: float = 25, crf: int = 
     findings += judge_animals(facts)
     table = load_table(tracks / "tracks.parquet", tracks_schema(p.points))
     features, _ = measure_features(table, made.facts.frame_rate_hz, settings("features"))
-    findings += judge_frames_per_beat(measure_frames_per_beat(features))
+    findings += judge_headings(summarize_features(features))
     assert all(finding.text and (finding.good or finding.remedy) for finding in findings)
     return {finding.word for finding in findings if not finding.good}
 
@@ -93,6 +99,19 @@ def test_a_shrunk_animal_is_too_small(tmp_path, carp):
 
 def test_an_animal_that_leaves_the_picture_is_cut_off_by_its_border(tmp_path, carp):
     assert faults(tmp_path, [f[40:170, 60:240].copy() for f in carp]) == {"border"}
+
+
+@pytest.mark.parametrize(("leg_width", "bad"), [(0.05, False), (0.08, True)])
+def test_an_animal_whose_backbone_runs_into_its_legs_has_no_heading(tmp_path, leg_width, bad):
+    film = WalkerFilm(body_length_px=40.0, leg_width=leg_width)
+    assert ("heading" in faults(tmp_path, [*walker_frames(film)])) == bad
+
+
+@pytest.mark.parametrize(("ahead_pct", "good"), [(8.2, False), (99.8, True)])
+def test_heads_that_travel_backwards_are_doubtful(ahead_pct, good):
+    metrics = {"headed_along_travel_pct": ahead_pct, "heading_jumps_pct": 0, "frames_per_beat": 8}
+    (finding,) = (f for f in judge_headings(metrics) if f.word == "head")
+    assert finding.good == good and f"{ahead_pct:.0f} %" in finding.text
 
 
 @pytest.mark.parametrize("word", ["black", "white"])
@@ -124,7 +143,27 @@ def test_a_sine_has_its_frames_in_a_beat(frames):
 def test_what_does_not_bend_has_no_beat():
     assert np.isnan(measure_frames_per_beat(bends(np.zeros(9))))
     assert np.isnan(measure_frames_per_beat(bends(np.ones(2))))
-    assert not [*judge_frames_per_beat(np.nan)]
+    unknown = {"heading_jumps_pct": np.nan, "frames_per_beat": np.nan}
+    assert not [*judge_headings(unknown)]
+
+
+def headings(*tracks: list[float]) -> pd.DataFrame:
+    """Features of animals that head so, a track each."""
+    number = np.repeat(np.arange(len(tracks)), [len(track) for track in tracks])
+    frame = np.concatenate([np.arange(len(track)) for track in tracks])
+    heading_deg = wrap_deg(np.concatenate(tracks))
+    return pd.DataFrame({"track_id": number, "frame": frame, "heading_deg": heading_deg})
+
+
+@pytest.mark.parametrize("turned_deg", [0.0, 100.0, -170.0])
+def test_jumps_of_a_heading_are_counted_whichever_way_it_points(turned_deg):
+    steady, jumpy = np.full(4, turned_deg), turned_deg + np.array([0, 40, 90, 90.0])
+    assert measure_heading_jumps(headings(steady, jumpy)) == pytest.approx(100 / 6)
+
+
+def test_between_tracks_no_heading_jumps():
+    assert measure_heading_jumps(headings([0.0, 0.0], [180.0, 180.0])) == 0
+    assert np.isnan(measure_heading_jumps(headings([0.0], [180.0])))
 
 
 @pytest.mark.parametrize("contrast", [40.0, 200.0])

@@ -221,18 +221,6 @@ def test_a_fault_that_is_seen_in_a_frame_has_its_picture_beside_it(folder: Path)
     assert "It is late. Hurry." in late and "<img" not in late and "Frame 7" not in rest
 
 
-def test_heads_that_travel_backwards_are_doubtful(folder: Path):
-    doubt = "of the moving animals go where the head points"
-    stages.report.main()
-    assert doubt not in Path("reports/index.html").read_text()
-    numbers = folder / "reports/features/metrics.json"
-    text = re.sub(r'(headed_along_travel_pct", "value": )[\d.]+', r"\g<1>8.2", numbers.read_text())
-    numbers.write_text(text)
-    stages.report.main()
-    page = Path("reports/index.html").read_text()
-    assert page.index(f"only 8 % {doubt}") < page.index("only 29 %")
-
-
 def test_in_a_browser_nothing_is_missing_and_everybody_can_read_it(folder: Path):
     stages.report.main()
     with chromium() as browser:

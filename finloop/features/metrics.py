@@ -1,12 +1,9 @@
 """Metrics of a feature table: Table 1, errors against ground truth, plausibility."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Mask
-from finloop.base.finding import Finding
 from finloop.base.schema import lists_to_points
 from finloop.features.area import interpolate_lines
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
@@ -20,7 +17,7 @@ from finloop.features.table import (
 
 _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 _LONG_FRAMES = 60  # frames of a track that counts as a long one
-FEW_FRAMES = 5.0  # frames of a beat; no rhythm is found in fewer
+_JUMP_DEG = 45.0  # from frame to frame; an animal turns less
 
 
 def orientation_table(features: pd.DataFrame) -> pd.DataFrame:
@@ -72,6 +69,8 @@ def summarize_features(features: pd.DataFrame) -> dict[str, float]:
         "displacement_median_body_lengths": float(features["displacement"].median()),
         "head_confidence_min": float(features["head_confidence"].min()),
         "head_confidence_below_0_9_pct": float(100 * (features["head_confidence"] < 0.9).mean()),
+        "heading_jumps_pct": measure_heading_jumps(features),
+        "frames_per_beat": measure_frames_per_beat(features),
         **measure_heading_agreement(features),
     }
 
@@ -95,14 +94,15 @@ def measure_frames_per_beat(features: pd.DataFrame) -> float:
     return float(2 * np.pi / np.arccos(np.clip(1 - share, -1, 1 - 1e-9)))
 
 
-def judge_frames_per_beat(frames: float) -> Iterator[Finding]:
-    """Yield the finding on how many frames a tail beat has; none if that is not known (NaN)."""
-    if not np.isnan(frames):
-        yield Finding(
-            "rate", frames >= FEW_FRAMES,
-            f"From frame to frame the body bends as with {frames:.3g} frames in a beat.",
-            "Film at a higher rate: 8 frames or more in a tail beat; sharper and nearer.",
-        )  # fmt: skip
+def measure_heading_jumps(features: pd.DataFrame) -> float:
+    """Return in what percentage of the steps from frame to frame a heading turns by more than 45°.
+
+    Where it is large, headings are not those of the animals. NaN if no track has two frames.
+    """
+    turn_deg = np.abs(wrap_deg(np.diff(features["heading_deg"].to_numpy(float))))
+    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    steps = turn_deg[(np.diff(track) == 0) & (np.diff(frame) == 1)]
+    return float(100 * (steps > _JUMP_DEG).mean()) if steps.size else float("nan")
 
 
 def metrics_in_mm(
