@@ -62,7 +62,8 @@ def _save_films(
     def write_film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
         """Write name.webm from all pictures, and name.webp from the first `webp_ticks` of them.
 
-        crop: the part of the tank that they show. Their number and size are noted in `films`.
+        There is no name.webp if `webp_ticks` is 0. crop: the part of the tank that they show. Their
+        number and size are noted in `films`.
         """
         path, shape = folder / name, (crop.bottom - crop.top, crop.right - crop.left, 4)
         webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)

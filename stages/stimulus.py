@@ -112,9 +112,9 @@ def replay(options: argparse.Namespace) -> None:
     record = open_session_record(options.session)
     protocol = parse_protocol(record.header["protocol"], Path(record.header["folder"]))
     with open_scene(protocol) as film:
-        if differences := film.find_differences(record.header):
+        if changes := film.find_changes_since(record.header):
             raise FinloopError(
-                f"{options.session} was made from another {', '.join(differences)}",
+                f"{options.session} was made from another {', '.join(changes)}",
                 "the stages' results and parameters (animate, matching) of that session",
                 "run the pipeline on that film with the parameters in the session's file",
             )

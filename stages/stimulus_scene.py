@@ -74,17 +74,19 @@ class FilmedScene:
             "animate": _load_parameters(*_PLANNED_BY), **facts,
         }  # fmt: skip
 
-    def find_differences(self, header: dict[str, Any]) -> list[str]:
-        """Return what differs between this film and a session's: "film", or names `group.key`.
+    def find_changes_since(self, header: dict[str, Any]) -> list[str]:
+        """Return what has changed since a session was recorded; [] if it can be shown again.
 
-        header: of the session's file.
+        It is "film" if the session used another one, and `group.key` of each parameter of the
+        planner that had another value. header: of the session's file.
         """
-        differences = ["film"] if self.film != header["film"] else []
+        changes = ["film"] if self.film != header["film"] else []
+        values_then = header["animate"]  # of all groups of `_PLANNED_BY`, by key
         for group in _PLANNED_BY:
-            for name, value in _load_parameters(group).items():
-                if value != header["animate"].get(name):
-                    differences.append(f"{group}.{name}")
-        return differences
+            for key, value in _load_parameters(group).items():
+                if value != values_then.get(key):
+                    changes.append(f"{group}.{key}")
+        return changes
 
 
 def _load_parameters(*groups: str) -> dict[str, Any]:

@@ -317,17 +317,18 @@ def _do_discs_overlap(discs, picture, heading, other, other_heading, dx, dy):  #
 
 @leaf_kernel
 def disc_orientation(discs, picture, heading):  # type: ignore[no-untyped-def]
-    """Return how the discs of a picture lie: table row, side, cosine and sine of the heading.
+    """Return where a picture's discs stand, and how they lie: table row, side, cos, sin.
 
-    picture: its number; heading: degrees. The side is −1 for a mirror image, whose left is right;
-    else 1.
+    picture: a row of the film; `discs.frames` + row for its mirror image; −1 − s for sprite s,
+    which stands in `discs.table` after the rows of the film. The side is −1 for a mirror image,
+    whose left is right; else 1. cos, sin: of the heading, which is given in degrees.
     """
-    number, side, angle = picture, 1.0, np.radians(heading)
-    if number < 0:
-        number = discs.frames - 1 - number
-    elif number >= discs.frames:
-        number, side = number - discs.frames, -1.0
-    return number, side, np.cos(angle), np.sin(angle)
+    table_row, side, angle = picture, 1.0, np.radians(heading)
+    if picture < 0:
+        table_row = discs.frames - 1 - picture
+    elif picture >= discs.frames:
+        table_row, side = picture - discs.frames, -1.0
+    return table_row, side, np.cos(angle), np.sin(angle)
 
 
 @leaf_kernel

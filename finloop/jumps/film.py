@@ -177,7 +177,8 @@ def _nearest_by_passage(
 def _is_same_passage(track, first, second, least):  # type: ignore[no-untyped-def]
     """Return whether two targets lie in one track, on one side, less than `least` rows apart.
 
-    track (n,): ids; first, second: numbers of targets; the side is film or mirror image.
+    track (n,): ids; first, second: numbers of targets: rows of the film, from n on their mirror
+    images; the side is film or mirror image.
     """
     n = len(track)
     is_near = (first < n) == (second < n) and abs(first - second) < least

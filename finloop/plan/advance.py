@@ -127,14 +127,16 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     """Swim a planned trajectory, steered to the route, up to the target, route's end or a wall.
 
     planned (m + 1, 3): x, y px, heading in degrees, as filmed, from the fish's present place on;
-    the fish swims its first t ≤ m steps, the others only tell where the film leads; speeds_bl_s
-    (m,): body lengths/s; rows (t,): film rows shown; along_px: px along the route; tick: of the
-    present place. Without a route the fish stops at the target, and at the waypoint
-    `objective.aim`.
+    the fish swims its first k ≤ m steps, the others only tell where the film leads; speeds_bl_s
+    (m,): body lengths/s; rows (k,): film rows shown; along_px: px along the route; tick: of the
+    present place.
 
-    Returns the trajectory (n, 3), n ≤ t; its steering corrections (n, 2): degrees, px; px along the
-    route at its end; whether its last place touches the target, at a row after which the film can
-    play on.
+    With a route the fish stops at its end. Without one it stops where it touches the target, at a
+    row after which the film can play on, or where it touches the waypoint `objective.aim`; a fish
+    whose target is free wanders, and stops at neither.
+
+    Returns the trajectory (n, 3), n ≤ k; its steering corrections (n, 2): degrees, px; px along the
+    route at its end; whether it stopped at the target.
     """
     ticks, route, steering = rows.size, objective.route, objective.steering
     trajectory, corrections, film_rows = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
@@ -289,10 +291,12 @@ def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
 def advance_branch_by_leg(search, branch):  # type: ignore[no-untyped-def]
     """Extend a branch by a leg of film; return whether it can go on, and whether it is done.
 
-    A leg ends at the first row with jumps at least a stride (`CostWeights.stride` ticks) farther
-    on, or at the search's horizon; after every stride the branch is checked. It cannot go on where
-    a wall or a fish blocks it, or the film ends. search: `Search`; branch (dtype `BRANCH`): its
-    place, row, ticks, marks, and the terms rarity, lag and path are changed in place.
+    A leg ends at the first row with jumps after at least a stride (`CostWeights.stride` ticks), or
+    where the film or the search's horizon ends. After every stride the branch is checked: its leg
+    also ends if the objective is done. If a wall or a fish is in its way, or no film is left, both
+    results are False. Else it can go on if its last row is recurrent: if film can be played from
+    there for ever. search: `Search`; branch (dtype `BRANCH`): its place, row, ticks, marks, and the
+    terms rarity, lag and path are changed in place.
     """
     graph, rows, first_row = search.graph, search.graph.film.rows, branch.row
     ticks_left, is_done = min(graph.leg[first_row], search.horizon - branch.ticks), False
@@ -309,7 +313,8 @@ def advance_branch_by_leg(search, branch):  # type: ignore[no-untyped-def]
     if not search.objective.route.x.size:
         lag_ticks = rows[branch.row].lag_sum - rows[first_row].lag_sum
         branch.terms[LAG] += search.start.rest_cost * lag_ticks
-    return rows[branch.row].recurrent, is_done
+    can_go_on = rows[branch.row].recurrent
+    return can_go_on, is_done
 
 
 @kernel

@@ -110,11 +110,12 @@ class Rarity:
         return self.step_costs(self.steps)
 
     def transition_costs(self, rows: Ints, codes: Floats, row: int) -> Floats:
-        """Return the extra cost (k,), in ticks, of the three steps after a transition to each row.
+        """Return what the first three steps after a transition to each row cost more than filmed.
 
-        They are larger than in the film, as an offset of the pose fades. rows (k,): rows shown
-        next; codes (m, c): pose codes of all rows; row: the one on screen. Rows n, n + 1 … are
-        mirror images.
+        (k,), in ticks. The two poses of a transition differ; over these steps the difference fades,
+        which makes each step larger than in the film. rows (k,): rows that may be shown next; row:
+        the one on screen; of a film of n rows, n … 2 n − 1 are the mirror images. codes (m, c):
+        pose codes of all rows, and of the mirror images, if there are any.
         """
         costs = _transition_costs(
             self.steps, self._row_costs, self.sorted_steps, self.weight, self.added_step, rows,

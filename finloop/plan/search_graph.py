@@ -29,9 +29,9 @@ class SearchGraph(NamedTuple):
     """The motion graph that is searched, and what keeps a fish inside the tank (bounds).
 
     jumps (e,): of dtype `JUMP`, those that replace one row together, the cheapest first; run (n,):
-    ticks that the film plays on from each row; leg (n,): ticks to the first row with jumps at least
-    a stride farther on, or to where the film ends; previews (n,): where the film leads from each
-    row, of dtype `PREVIEW`.
+    ticks that the film plays on from each row; leg (n,): ticks to the first row with jumps after at
+    least a stride, or to where the film ends; previews (n,): where the film leads from each row, of
+    dtype `PREVIEW`.
     """
 
     film: MotionGraph

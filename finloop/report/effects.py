@@ -25,8 +25,8 @@ SAME = "the same in every run"
 NO_EFFECT = "no effect beyond the seeds"
 _TREES, _PERMUTATIONS = 100, 10
 _EQUAL = 1e-9  # relative: a smaller difference is one of rounding
-_TARGETS = {"100": HIGHER, "≥": HIGHER, "0": LOWER, "≤": LOWER}
-_GOOD = {
+_DIRECTION_BY_TARGET_START = {"100": HIGHER, "≥": HIGHER, "0": LOWER, "≤": LOWER}
+_OTHER_DIRECTIONS = {
     "arrival_heading_error_deg": LOWER,
     "film_pct": HIGHER,
     "longest_exact_repeat_s": LOWER,
@@ -62,23 +62,31 @@ class Effect(NamedTuple):
 def good_direction(measure: str) -> str:
     """Return HIGHER or LOWER where that is better for a measure `<stage>.<number>`, else "".
 
-    The direction is that of the stage's headlines; for `animate` also that of the report's targets,
-    or of `_GOOD`.
+    It is the direction of the stage's headline of that name. Numbers of `animate` without a
+    headline have that of their target in the report, or of `_OTHER_DIRECTIONS`.
     """
     stage, _, name = measure.partition(".")
     for headline in HEADLINES.get(stage, []):
         if headline.name == name:
             return headline.good
-    if stage != "animate":
-        return ""
-    ending = name.partition("_")[2]  # after the mode
-    for row in MEASURES:
-        if row.key == ending and row.good:
-            for beginning, direction in _TARGETS.items():
-                if row.good.startswith(beginning):
+    return _good_direction_of_mode(name) if stage == "animate" else ""
+
+
+def _good_direction_of_mode(name: str) -> str:
+    """Return HIGHER or LOWER where that is better for a number `<mode>_<measure>`, else "".
+
+    The beginning of the measure's target in the report says it, such as "≥"; a target that begins
+    otherwise has no direction. A measure without a target may stand in `_OTHER_DIRECTIONS`, there
+    without the `trials_` of random goals.
+    """
+    key = name.partition("_")[2]  # after the mode
+    for measure in MEASURES:
+        if measure.key == key and measure.target:
+            for start, direction in _DIRECTION_BY_TARGET_START.items():
+                if measure.target.startswith(start):
                     return direction
             return ""
-    return _GOOD.get(ending.removeprefix("trials_"), "")
+    return _OTHER_DIRECTIONS.get(key.removeprefix("trials_"), "")
 
 
 def is_category(value: object) -> bool:

@@ -14,14 +14,14 @@ MODES = {**{name: facts.title for name, facts in ALL_MODES.items()}, "film": "Fi
 class Measure(NamedTuple):
     """A measure that the report shows: its row in data/animate/beside/measures.csv, and its texts.
 
-    words: the name on the page. unit: "" for a plain number. good: the target range as text, ""
+    words: the name on the page. unit: "" for a plain number. target: the good values as text, ""
     where there is none.
     """
 
     key: str
     words: str
     unit: str
-    good: str = ""
+    target: str = ""
 
 
 MEASURES = (
@@ -105,10 +105,10 @@ def measures_table(measures: pd.DataFrame) -> Table:
             measures.loc[distance, "film"] = measures.loc[halves, "film"]
     modes = [name for name in MODES if name in measures]
     rows = []
-    for key, words, unit, good in MEASURES:
+    for key, words, unit, target in MEASURES:
         if key in measures.index:
             values = [format_number(measures.at[key, mode]) for mode in modes]
-            rows.append([f"{words} ({unit})" if unit else words, *values, good])
+            rows.append([f"{words} ({unit})" if unit else words, *values, target])
     columns = ["measure", *(MODES[mode] for mode in modes), "target"]
     return Table("Animation beside film", columns, rows)
 

@@ -46,23 +46,25 @@ def measure_tick_errors_ms(table: pd.DataFrame) -> Floats:
 def measure_reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
     """Return how many ms pass from a tracker's message to the planned and to the drawn reaction.
 
-    The first array (n,) ends when the tick is planned again, the second (m,) when a frame that
-    shows it is drawn; m ≤ n, as some are never shown. table: the session's log; rate_hz: ticks/s.
+    Both times begin when the message arrives. The first (n,) lasts until a tick is planned anew,
+    the second (m,) until a frame that shows the new plan is drawn; m ≤ n, as some are never shown.
+    table: the session's log, in order of time; its `seq` is the number of a tick's plan, and of the
+    last plan that a frame knew. rate_hz: ticks/s.
     """
+    # Only a message makes a tick be planned anew, so one has arrived before each of these.
     last_input_s = table["time_s"].where(table["kind"] == "input").ffill()
     is_replanned = (table["kind"] == "tick") & (table["verdict"] == "anew")
     replanned = table[is_replanned]
     arrived_s = last_input_s[is_replanned].to_numpy(float)
     planned_s = replanned["time_s"].to_numpy(float) - arrived_s
     frames = table[table["kind"] == "frame"]
-    # The first frame that had the message, and is due after the tick before, shows the reaction.
+    # The first frame that both knew the new plan, and was due after the tick before, shows it.
     tick_before_s = replanned["intended_s"].to_numpy(float) - 1 / rate_hz
-    frame = np.maximum(
-        np.searchsorted(frames["seq"], replanned["seq"]),
-        np.searchsorted(frames["intended_s"], tick_before_s, "right"),
-    )
-    is_shown = frame < len(frames)
-    drawn_s = frames["drawn_s"].to_numpy(float)[frame[is_shown]] - arrived_s[is_shown]
+    knows_plan_from = np.searchsorted(frames["seq"], replanned["seq"])
+    is_due_from = np.searchsorted(frames["intended_s"], tick_before_s, "right")
+    first_frame = np.maximum(knows_plan_from, is_due_from)  # its place in `frames`
+    is_shown = first_frame < len(frames)
+    drawn_s = frames["drawn_s"].to_numpy(float)[first_frame[is_shown]] - arrived_s[is_shown]
     return 1e3 * planned_s, 1e3 * drawn_s
 
 

@@ -42,7 +42,8 @@ def main() -> None:
 def _draw_fault(word: str, name: str, home: Path, settings: ExtractSettings) -> FaultPicture | None:
     """Return the picture of a fault of one film; word: what the finding is about.
 
-    name: of the film. home: its folder, relative to those of the two stages.
+    None if no frame shows the fault, or `extract` has left out the film. name: of the film. home:
+    its folder, relative to CLIP and EXTRACT.
     """
     clip = CLIP / home
     facts = load_facts(clip / FACTS_NAME)
