@@ -10,6 +10,7 @@ import math
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -941,17 +942,32 @@ def test_a_film_that_breaks_off_is_used_up_to_there(broken_off):
     assert "breaks off" in loss.notes[-1]
 
 
-def test_a_damaged_frame_is_left_out(tmp_path):
-    """Noise over one frame of a film that is all key frames; its neighbour is shown instead."""
-    path = make_film(tmp_path / "a.mov", map(picture, range(20)), codec="mjpeg", pix_fmt="yuvj420p")
+def make_damaged_film(folder: Path, damaged: int) -> Path:
+    """Write 20 frames that are all key frames, with zeros in place of one of them."""
+    path = make_film(folder / "a.mov", map(picture, range(20)), codec="mjpeg", pix_fmt="yuvj420p")
     with av.open(str(path)) as container:
-        packet = [packet for packet in container.demux(video=0) if packet.size][7]
+        packet = [packet for packet in container.demux(video=0) if packet.size][damaged]
         at, size = packet.pos, packet.size
     data = bytearray(path.read_bytes())
     data[at : at + size] = bytes(size)
     path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("damaged", [0, 7, 19])
+def test_a_deinterlaced_film_keeps_the_numbers_of_its_frames(tmp_path, damaged):
+    path, loss = make_damaged_film(tmp_path, damaged), LostFrames()
+    footage = open_footage(path, frame_rate_hz=25.0, colour=False)  # time: number / 25
+    stamped = replace(footage, fields="tff").stream_numbered(loss)
+    found = [(round(time_s * 25), number) for time_s, (number, _) in stamped]
+    assert found == [(number, number) for number in range(20) if number != damaged]
+    assert loss == LostFrames(damaged=1)
+
+
+def test_a_damaged_frame_is_left_out(tmp_path):
+    """Zeros over one frame of a film; its neighbour is shown instead."""
     loss, timing = LostFrames(), FrameCounts()
-    footage = open_footage(path, colour=False)
+    footage = open_footage(make_damaged_film(tmp_path, 7), colour=False)
     shown = shown_at(footage, 25, loss, timing)
     assert loss == LostFrames(damaged=1)
     assert [number for number in shown if number != 7] == shown

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
 from functools import partial
-from itertools import islice
+from itertools import islice, repeat
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -241,7 +241,7 @@ def _next_good_frames(
     container: InputContainer, stream: VideoStream, count: int
 ) -> Iterator[VideoFrame]:
     """Return the next undamaged frames from a film's present position on, at most `count`."""
-    frames = _decode_film(container, stream, LostFrames())
+    frames = _decode_film(container, stream)
     return islice((frame for frame in frames if frame is not None), count)
 
 
@@ -303,13 +303,8 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     return footage, times
 
 
-def _decode_film(
-    container: InputContainer, stream: VideoStream, loss: LostFrames
-) -> Iterator[VideoFrame | None]:
-    """Yield a film's frames from its present position on, with None for each damaged one.
-
-    loss: its count of damaged frames grows.
-    """
+def _decode_film(container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame | None]:
+    """Yield a film's frames from its present position on, with None for each damaged one."""
     packets = container.demux(stream)
     while True:
         try:
@@ -323,9 +318,7 @@ def _decode_film(
         except av.error.FFmpegError:
             frames = [None]
         for frame in frames:
-            good = frame is not None and not frame.is_corrupt
-            loss.damaged += not good
-            yield frame if good else None
+            yield None if frame is None or frame.is_corrupt else frame
 
 
 def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
@@ -341,11 +334,11 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     )
     with open_stream(footage.path) as (container, stream):
         stamps = _seek_range(container, stream, footage)
-        frames = _decode_film(container, stream, loss)
+        frames = _decode_film(container, stream)
         if footage.fields:
             frames = _deinterlace(frames, stream, footage.fields)
         last_s, damaged_before_last = -step_s, 0  # of the last good frame; before it
-        for time_s, number, frame in _time_good_frames(frames, stream, footage):
+        for time_s, number, frame in _time_good_frames(frames, stream, footage, loss):
             last_s, damaged_before_last = time_s, loss.damaged
             if (frame.width, frame.height) != size:
                 name = f"{footage.path}: the frame at {time_s:.3f} s"
@@ -368,18 +361,19 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
 
 
 def _time_good_frames(
-    frames: Iterable[VideoFrame | None], stream: VideoStream, footage: Footage
+    frames: Iterable[VideoFrame | None], stream: VideoStream, footage: Footage, loss: LostFrames
 ) -> Iterator[tuple[float, int, VideoFrame]]:
     """Yield the time [s] and the number of each decoded frame, and itself; None is left out.
 
     The number counts all frames from the first one given, damaged ones (None) included. The time is
     that of the stamp, unless the film is renumbered; without a stamp, that of the frame before plus
-    a step.
+    a step. loss: its count of damaged frames grows.
     """
     step_s = 1 / float(footage.frame_rate)
     time_s = -step_s
     for number, frame in enumerate(frames):
         if frame is None:
+            loss.damaged += 1
             continue
         if footage.renumbered:
             time_s = number * step_s
@@ -488,20 +482,24 @@ def _deinterlace(
     """Yield interlaced frames without combs: the rows of each frame's later field are interpolated.
 
     stream: from which the frames come. order: which of the two fields is earlier. FFmpeg's filter
-    bwdif does it. A damaged frame, None, stays None.
+    bwdif does it. A damaged frame, None, stays None at its place; the filter does not see it.
     """
     graph = Graph()
     deinterlacer = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")
     graph.link_nodes(graph.add_buffer(template=stream), deinterlacer, graph.add("buffersink"))
     graph.configure()
+    damaged = 0  # since the last good frame, which the filter holds until it gets the next one
     for frame in frames:
         if frame is None:
-            yield None
+            damaged += 1
             continue
         graph.push(frame)
         yield from _filtered_frames(graph, stream)
+        yield from repeat(None, damaged)
+        damaged = 0
     graph.push(None)
     yield from _filtered_frames(graph, stream)
+    yield from repeat(None, damaged)
 
 
 def _filtered_frames(graph: Graph, stream: VideoStream) -> Iterator[VideoFrame]:
