@@ -139,16 +139,17 @@ def files_of_imports(nodes: list[Any]) -> set[str]:
 
 
 def _files_of_name(name: str) -> set[str]:
-    """Return the files behind a dotted name: a module, a lazy package, or an object in one.
+    """Return the files behind a dotted name: of a module, a package, or an object of either.
 
-    A lazy package stands for all modules that it offers, an object of it for its module.
+    A lazy package stands for all modules that it offers, an object of it for its module. Of other
+    objects `module_files` leaves out their own name.
     """
     package, _, last_part = name.rpartition(".")
     module_by_object = _lazy_objects(package)
-    modules = {name} | {f"{name}.{module}" for module in _lazy_objects(name).values()}
+    names = {name} | {f"{name}.{module}" for module in _lazy_objects(name).values()}
     if last_part in module_by_object:
-        modules.add(f"{package}.{module_by_object[last_part]}")
-    return set().union(*map(module_files, modules))
+        names.add(f"{package}.{module_by_object[last_part]}")
+    return set().union(*map(module_files, names))
 
 
 @cache

@@ -94,7 +94,7 @@ class Experiment:
     def list_seeds(self) -> list[str]:
         """Return the names `<stage>.seed` of the seeds on which the measures depend.
 
-        A seed that the sweep itself varies is left out.
+        They come in the order of the stages; a seed that the sweep itself varies is left out.
         """
         seeded: set[str] = set()
         for beginning, stages in SEEDED.items():

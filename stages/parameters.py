@@ -55,7 +55,10 @@ def _format_value(entry: ParameterHelp) -> str:
 
 
 def parameters_page(entries: Iterable[ParameterHelp]) -> str:
-    """Return the page of all parameters as Markdown, with a table for each group and variant."""
+    """Return the page of all parameters as Markdown, with a table for each group and variant.
+
+    entries: those of a group and variant one after the other.
+    """
     parts = [_HEAD]
     for name, group in groupby(entries, lambda entry: entry.group):
         parts += [

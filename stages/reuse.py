@@ -25,8 +25,8 @@ def reuse_or_make(kept: Path, folder: Path, make: Callable[[Path], Numbers]) -> 
     """Fill `folder` with a film's files: link kept ones, or `make` them; return their numbers.
 
     kept: folder of the film's files, named by the `key_digest` of what they are made from. make:
-    writes the files into a folder and returns numbers; they are then kept. After an error in `make`
-    there is no folder.
+    writes the files into a folder and returns numbers; those that are finite are then kept, with
+    the files. After an error in `make` there is no folder.
     """
     numbers = _read_json(kept / NUMBERS_NAME)
     if isinstance(numbers, dict):

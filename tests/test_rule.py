@@ -107,12 +107,12 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
     places, ticks = [], 0
     while ticks < 60:
         stretch, state = player.plan(state, rule, rng)
-        assert state.by_rule and 0 <= state.ticks_left < 15
+        assert state.by_rule and 0 <= state.place_ticks_left < 15
         places.append(tuple(state.place))
         ticks += len(stretch.trajectory)
     assert 2 <= len(set(places)) <= len(places)
     assert place_by_rule(rule, state.fish, player.world, rng)[1] == 15
-    begun = state._replace(ticks_left=5)
+    begun = state._replace(place_ticks_left=5)
     _, wanders = player.plan(begun, None, rng)
     assert not wanders.by_rule and tuple(wanders.place) != tuple(begun.place)
 

@@ -75,12 +75,13 @@ class Progress(NamedTuple):
 class State(NamedTuple):
     """All that the next stretch depends on, except the goal and the random draws.
 
-    place (2,): x, y px where the fish wanders to while it has no goal; ticks_left: for how many
-    more ticks; by_rule: whether a rule requested the place; progress: along a path, and the plan.
+    place (2,): x, y px where the fish wanders to while it has no goal; place_ticks_left: for how
+    many more ticks; by_rule: whether a rule requested the place; progress: along a path, and the
+    plan.
     """
 
     fish: Fish
     place: Floats
-    ticks_left: int = 0
+    place_ticks_left: int = 0
     by_rule: bool = False
     progress: Progress = Progress()

@@ -253,15 +253,16 @@ def _mean_of_decay(x: Floats) -> Floats:
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
 
 
-def _force_response(total: Floats, product: Floats, slow: Floats, of_place: Floats) -> Floats:
-    """Return how far a constant force of 1 moves oscillators from rest, in units of t²/ρ.
+def _force_response(total: Floats, product: Floats, slow: Floats, decayed_place: Floats) -> Floats:
+    """Return how far a constant force of 1 moves oscillators from rest, in units of time²/density.
 
-    −x, −y are the roots of the characteristic polynomial times the time t: `total` = x + y,
-    `product` = xy; slow: the one of x, y nearer 0. of_place: the place at t of an oscillator that
-    began at place 1, at rest. All arguments and the result are (t, m).
+    −x and −y are the two roots of the characteristic polynomial, each multiplied by the time since
+    the start; they are complex where the oscillator swings. total = x + y, product = xy; slow: of
+    real x, y, the smaller (others are not used). decayed_place: the place of an oscillator that
+    began at place 1, at rest. All arguments and the result are (times, oscillators).
 
-    The result is (1 − of_place) / product. Where this cancels: if x and y are small, a power series
-    in them; if x is much smaller than y, (D(x) − D(y)) / (y − x), D = `_mean_of_decay`.
+    The result is (1 − decayed_place) / product. Where this cancels: if x and y are small, a power
+    series in them; if x is much smaller than y, (D(x) − D(y)) / (y − x), D = `_mean_of_decay`.
     """
     # Each formula is evaluated everywhere, on harmless numbers where it does not hold.
     are_small, are_unequal = (total < 0.5) & (product < 0.25), product < 0.01 * total**2
@@ -272,7 +273,7 @@ def _force_response(total: Floats, product: Floats, slow: Floats, of_place: Floa
         term, last_term = small_total * term - small_product * last_term, term
     x, y = np.where(are_unequal, slow, 0), np.where(are_unequal, total - slow, 1)
     by_roots = (_mean_of_decay(x) - _mean_of_decay(y)) / (y - x)
-    by_place = (1 - of_place) / np.where(product > 0, product, 1)
+    by_place = (1 - decayed_place) / np.where(product > 0, product, 1)
     return np.where(are_small, series, np.where(are_unequal, by_roots, by_place))
 
 

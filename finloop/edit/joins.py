@@ -240,23 +240,25 @@ def _remaining_offsets(
 
 
 def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[Floats, Floats]:
-    """Return how far pose and heading jump at each join, and how far their velocities do.
+    """Return, at each join, pose and heading due less those drawn, and the same of velocities.
 
     Both are (ticks, c + 1), 0 at other ticks: c pose codes (principal-component scores), then
-    degrees. drawn: bodies of all ticks; joins (k,): their ticks; old (k,): bodies that the film
-    would show there.
+    degrees; velocities are per tick. drawn: bodies of all ticks; joins (k,): their ticks; old (k,):
+    bodies that are due, which the film would show there.
     """
     new, ticks = drawn.select(joins), len(drawn.row)
     ahead = np.minimum(joins + 1, ticks - 1)  # the tick after each join
     plays_on = (ahead > joins) & ~np.isin(ahead, joins)
-    before_deg = wrap_deg(old.heading_deg - drawn.heading_deg[joins - 1])  # turn due at the join
-    after_deg = np.where(plays_on, wrap_deg(drawn.heading_deg[ahead] - new.heading_deg), before_deg)
-    is_held = (drawn.row[ahead] == new.row) & (ahead > joins)  # its pose does not change
+    old_turn_deg = wrap_deg(old.heading_deg - drawn.heading_deg[joins - 1])  # due at the join
+    new_turn_deg = wrap_deg(drawn.heading_deg[ahead] - new.heading_deg)
+    # Where the new picture does not play on, its turn is unknown and counts as unchanged.
+    new_turn_deg = np.where(plays_on, new_turn_deg, old_turn_deg)
+    is_held = (drawn.row[ahead] == new.row) & (ahead > joins)  # its pose has no velocity
     codes = bodies.codes(old) - bodies.codes(new)
     code_speed = bodies.code_speed(old) - bodies.code_speed(new) * ~is_held[:, None]
     offset, velocity = np.zeros((2, ticks, codes.shape[1] + 1))
     offset[joins] = np.column_stack([codes, wrap_deg(old.heading_deg - new.heading_deg)])
-    velocity[joins] = np.column_stack([code_speed, before_deg - after_deg])
+    velocity[joins] = np.column_stack([code_speed, old_turn_deg - new_turn_deg])
     return offset, velocity
 
 

@@ -137,23 +137,30 @@ def draw_next_row(
 def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
     """Return the rows (k,) that a fish may follow next, and their weights (k,) in a random draw.
 
-    row: the one that the fish follows now, which is also the last of the result. The weights
-    (Metropolis) let all rows be visited equally often; their sum may be below 1. A row that is not
-    usable leads only to its similar rows; if it has none, to the similar rows of the last earlier
-    row that has some, shifted by the rows between, and then to that row.
+    row: the one that the fish follows now. Its stand-in is the row itself, or, if it is not usable
+    and has no similar rows, the last earlier row that is or has. The result is the rows similar to
+    the stand-in, then the stand-in. The similar rows are shifted by as many rows as `row` comes
+    after its stand-in, and only usable ones are left; if none is, all stay, unshifted.
+    The weights (Metropolis, not normalized) let all rows be visited equally often. The stand-in has
+    the weight that its similar rows leave of 1; but 0 if it has some and `row` is not usable.
     """
-    source = row
-    while not sampler.usable[source] and sampler.start[source] == sampler.start[source + 1]:
-        source -= 1
-    rows = sampler.to[sampler.start[source] : sampler.start[source + 1]]
+    stand_in = _find_stand_in(sampler, row)
+    rows = sampler.to[sampler.start[stand_in] : sampler.start[stand_in + 1]]
     neighbour_counts = sampler.start[rows + 1] - sampler.start[rows]
     weights = 1 / np.maximum(neighbour_counts, max(len(rows), 1))
     stay_weight = max(1 - weights.sum(), 0.0) if sampler.usable[row] or not len(rows) else 0.0
-    shifted = rows + row - source
-    goes_on = sampler.usable[np.minimum(shifted, len(sampler.usable) - 1)]
-    if goes_on.any():
-        rows, weights = shifted[goes_on], weights[goes_on]
-    return np.append(rows, source), np.append(weights, stay_weight)
+    shifted = rows + row - stand_in
+    is_usable = sampler.usable[np.minimum(shifted, len(sampler.usable) - 1)]
+    if is_usable.any():
+        rows, weights = shifted[is_usable], weights[is_usable]
+    return np.append(rows, stand_in), np.append(weights, stay_weight)
+
+
+def _find_stand_in(sampler: Sampler, row: int) -> int:
+    """Return the row, or the last one before it, that is usable or has similar rows."""
+    while not sampler.usable[row] and sampler.start[row] == sampler.start[row + 1]:
+        row -= 1
+    return row
 
 
 def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:

@@ -43,12 +43,12 @@ class JumpSearch:
     `least` rows of a track, nor within `least` rows of where it starts.
 
     targets (m, d): signatures of the n rows, then of their mirror images if these are searched;
-    goals: numbers of the targets to which a jump may lead; index: of these; track (n,): ids,
+    allowed: numbers of the targets to which a jump may lead; index: of these; track (n,): ids,
     ascending; part (n,): the film's part, from `assign_parts`.
     """
 
     targets: Floats
-    goals: Ints
+    allowed: Ints
     index: Nearest
     track: Ints
     part: Ints
@@ -67,11 +67,11 @@ class JumpSearch:
         """
         targets = np.ascontiguousarray(signatures[: 1 + mirror].reshape(-1, signatures.shape[-1]))
         can_play_on = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
-        goals = np.flatnonzero(np.tile(can_play_on, 1 + mirror))
-        index = Nearest.from_vectors(targets[goals])
+        allowed = np.flatnonzero(np.tile(can_play_on, 1 + mirror))
+        index = Nearest.from_vectors(targets[allowed])
         part = assign_parts(len(track), _STRETCH * least)
         return cls(
-            targets, goals, index, track=np.asarray(track), part=part, count=count, least=least
+            targets, allowed, index, track=np.asarray(track), part=part, count=count, least=least
         )
 
     @property
@@ -86,32 +86,37 @@ class JumpSearch:
         signatures in natural steps (median distance of successive pictures). The nearest neighbour
         of a row comes first.
         """
-        return self._nearest(rows, self.goals, self.index)
+        return self._nearest(rows, self.allowed, self.index)
 
     def search_part(self, rows: Ints, part: int) -> pd.DataFrame:
         """Return the neighbours of rows (k,) in a part of the film: row, to, mirrored, far."""
-        goals = self.goals[self.part[self.goals % len(self.track)] == part]
-        return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
+        allowed = self.allowed[self.part[self.allowed % len(self.track)] == part]
+        index = Nearest.from_vectors(self.targets[allowed], len(allowed))
+        return self._nearest(rows, allowed, index)
 
-    def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
-        """Return the nearest neighbours of rows (k,) among the targets `goals`, held by `index`."""
-
-        def choose_passages(queries: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
-            """Return the nearest targets of rows and their distances (k, count), and a mask (k,).
-
-            The mask says which rows have enough of them. queries (k,): numbers in `rows`; near (k,
-            l): numbers in `goals` of the nearest targets, −1 for none.
-            """
-            near = np.sort(np.where(near < 0, -1, goals[near]), axis=1)
-            to, far = _nearest_by_passage(
-                self.targets, self.track, rows[queries], near, self.least, self.count
-            )
-            return (to, far), np.isfinite(far[:, -1])
-
-        to, far = index.choose(self.targets[rows], _SPARE * self.count, choose_passages)
+    def _nearest(self, rows: Ints, allowed: Ints, index: Nearest) -> pd.DataFrame:
+        """Return the nearest neighbours of rows (k,) among the allowed targets, held by `index`."""
+        choose = partial(self._choose_nearest_by_passage, rows, allowed)
+        to, far = index.choose(self.targets[rows], _SPARE * self.count, choose)
         query, rank = np.nonzero(np.isfinite(far))
         to, far, n = to[query, rank], far[query, rank], len(self.track)
         return pd.DataFrame({"row": rows[query], "to": to % n, "mirrored": to >= n, "far": far})
+
+    def _choose_nearest_by_passage(
+        self, rows: Ints, allowed: Ints, queries: Ints, near: Ints
+    ) -> tuple[tuple[Ints, Floats], Mask]:
+        """Choose for each row its `count` nearest targets, at most one of each passage of film.
+
+        Return these targets, their distances, both (k, count), and a mask (k,) of the rows that
+        have so many. queries (k,): places of the rows in `rows`; near (k, l): places in `allowed`
+        of the targets to choose from, −1 for none.
+        """
+        candidates = np.where(near < 0, -1, allowed[near])
+        candidates.sort(axis=1)  # as in the film: a passage is in one piece
+        targets, distances = _nearest_by_passage(
+            self.targets, self.track, rows[queries], candidates, self.least, self.count
+        )
+        return (targets, distances), np.isfinite(distances[:, -1])
 
 
 def choose_best_jumps(

@@ -233,24 +233,29 @@ class LiveTank:
         """Return the reason why the tank cannot switch to a mode now; "" if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
-        most = self.players[mode].most_fish
-        if most is not None and len(self.fish) > most:
+        if self._has_too_many_fish(mode):
             return "a mode of the paper moves one fish: take one, then switch"
         return ""
+
+    def _has_too_many_fish(self, mode: str) -> bool:
+        """Return whether the tank has more fish than a mode can move."""
+        most = self.players[mode].most_fish
+        return most is not None and len(self.fish) > most
 
     def switch_mode(self, mode: str) -> None:
         """Switch all fish to a mode; do nothing if the film shows too little for it.
 
-        FinloopError if the mode moves fewer fish. In a mode of the paper, paths and rules are
-        dropped.
+        FinloopError if the mode cannot move so many fish. In a mode of the paper, paths and rules
+        are dropped.
         """
         if mode not in self.players:
             return
-        if self.explain_unavailable_mode(mode):
+        if self._has_too_many_fish(mode):
             raise _paper_error(f"{len(self.fish)} fish", mode)
+        is_paper_mode = self.players[mode].most_fish is not None
         self.mode = mode
         for fish in self.fish:
-            if self.most_fish is not None and (fish.path_task or fish.rule_task):
+            if is_paper_mode and (fish.path_task or fish.rule_task):
                 fish.send_to_goal(None)
             fish.switch_mode(mode)
 

@@ -200,18 +200,20 @@ class Hybrid:
     ) -> Stretch:  # fmt: skip
         """Return the shortest stretch of film to a row with a gateway out of the film.
 
-        candidates: of which none is legal; roll_outs: of them. Where none reaches a gateway inside
-        the tank, the fish swims on the spot.
+        candidates: none of them is legal, as none leads to a loop end with a gateway that passes
+        the tests; but one may lead to another row with a gateway, inside the tank. roll_outs: of
+        the candidates. Where none reaches a gateway, the fish swims on the spot.
         """
-        place, legal = self.loops.next_place(fish), self.loops.world.tank.legal
-        ticks = ticks_to_first_end(self.loops.film, legal, self._has_exit, candidates, place)
-        reaching = np.flatnonzero(ticks)  # 0: it reaches no gateway
+        tank, place = self.loops.world.tank, self.loops.next_place(fish)
+        ticks_to_gateway = ticks_to_first_end(
+            self.loops.film, tank.legal, self._has_exit, candidates, place
+        )
+        reaching = np.flatnonzero(ticks_to_gateway)  # 0: it reaches no gateway
         if not reaching.size:
             return self.loops.swim_on_spot(fish, candidates, roll_outs, goal, rng)
-        nearest = int(reaching[np.argmin(ticks[reaching])])
-        return self.loops.make_stretch(
-            fish, candidates, roll_outs, nearest, goal, ticks=int(ticks[nearest])
-        )
+        nearest = int(reaching[np.argmin(ticks_to_gateway[reaching])])
+        ticks = int(ticks_to_gateway[nearest])
+        return self.loops.make_stretch(fish, candidates, roll_outs, nearest, goal, ticks=ticks)
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""

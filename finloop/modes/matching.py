@@ -81,8 +81,8 @@ class MatchingAnimator(Animator):
     def goals(self) -> list[Goal]:
         """Return the parameters' goals, px; none where all fish follow paths or a rule.
 
-        FinloopError if a goal is out of reach, two fish are sent to one place at the same time, or
-        fish are to swim by zones and no rule for it is known.
+        FinloopError if a goal is out of reach, two fish that may not overlap are sent to one place
+        at the same time, or fish are to swim by zones and no rule for it is known.
         """
         if self.p.rule == "zones" and self.fish > 1:
             require_rule(self.player.shoaling)
@@ -173,11 +173,12 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
 def _film_rarity(
     film_data: FilmData, features: pd.DataFrame, bodies: Bodies, joins: JoinRules, weight: float
 ) -> Rarity:
-    """Return the cost of the film's steps: seldom ones cost more.
+    """Return what steps from picture to picture cost: the rarer so large ones are, the more.
 
-    features: at the drawn size; weight: a step that the film shows once in n frames costs weight ×
-    n ticks.
+    features: of the film, scaled to the size at which the fish is drawn; weight: a step that the
+    film shows once in n frames costs weight × n ticks.
     """
+    # From each row's picture to the next (Eq. 5); `Rarity` estimates it where it is unknown, NaN.
     filmed_steps = np.full(len(features), np.nan)
     filmed_steps[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
     offset_response, _velocity_response = joins.spring_response()

@@ -331,7 +331,7 @@ class Network:
 
 
 def _drift_towards_aim(drift_deg: Floats, approach: GoalApproach) -> Floats:
-    """Return the drift (n,) [°] of a phase's heading, mirrored if it ends away from the aim.
+    """Return the drift (n,) [°] of the heading in a phase, mirrored if it ends away from the aim.
 
     Unless the aim is far, it is reduced so that it does not go beyond the aim.
     """

@@ -70,13 +70,15 @@ def _phases_of_runs(
     p: NetworkSettings,
     speed_range: tuple[float, float],
 ) -> Phases:
-    """Return the phases of straight runs of the film, without those that drift far.
+    """Return the phases of straight runs of the film, the parts with one state, such as sliding.
 
-    still_sway: sway of a still tail; delta: Δ in ticks; speed_range: lowest and highest speed of
-    the film, body lengths/s. FinloopError if there are no phases.
+    A phase is left out if its heading goes farther than `p.phase_drift_deg` from that of the frame
+    before it; still, it counts as the one before the next. still_sway: sway of a still tail; delta:
+    Δ in ticks; speed_range: lowest and highest speed of the film, body lengths/s. FinloopError if
+    there are no phases.
     """
     least_ticks = max(1, round(p.phase_least * delta))
-    rows = []
+    kept_phases = []
     for run in runs:
         # Straight runs follow turns; what was before the first one of a track is unknown: −1.
         track, state_before = run.track, TURN if run.first > 0 else -1
@@ -86,11 +88,11 @@ def _phases_of_runs(
             if np.abs(drift).max() <= p.phase_drift_deg:
                 speed = track.speed[frame_before]
                 change = track.speed[begin:end] - speed
-                rows.append((state, state_before, end - begin, speed, change, drift))
+                kept_phases.append((state, state_before, end - begin, speed, change, drift))
             state_before = state
-    if not rows:
+    if not kept_phases:
         raise too_little_error("straight swimming")
-    states, states_before, ticks, speeds, changes, drifts = zip(*rows, strict=True)
+    states, states_before, ticks, speeds, changes, drifts = zip(*kept_phases, strict=True)
     return Phases(
         state=np.array(states, np.int8), before=np.array(states_before, np.int8),
         ticks=np.array(ticks, np.int32),

@@ -105,7 +105,7 @@ class PaperPlayer:
 
         A fish that another mode moved before goes on in this one.
         """
-        world, place, ticks_left = self.world, state.place, state.ticks_left
+        world, place, ticks_left = self.world, state.place, state.place_ticks_left
         fish = self.mode.take_over(state.fish)
         if isinstance(goal, Goal):
             x, y, ticks_left = goal.x_px, goal.y_px, 0
@@ -127,4 +127,5 @@ class PaperPlayer:
         """Return the first ticks of a stretch that began in `state`, and the state after."""
         short = stretch.cut(ticks)
         # Without the rest of a plan of `matching`, which began elsewhere.
-        return short, State(self.mode.end_state(state.fish, short), state.place, state.ticks_left)
+        fish = self.mode.end_state(state.fish, short)
+        return short, State(fish, state.place, state.place_ticks_left)

@@ -138,7 +138,8 @@ def candidate_table(
 def _candidate_rows(tick: int, candidates: CandidateVerdicts, film_rows: int) -> pd.DataFrame:
     """Return the candidates of the search at one tick as rows of a table.
 
-    film_rows: number of rows of the film; a candidate beyond them is a mirror image.
+    film_rows: number of rows of the film; a candidate beyond them is a mirror image. value_s: its
+    cost, NaN where no branch leads on.
     """
     is_dead_end = np.isinf(candidates.costs)
     terms = {

@@ -197,15 +197,18 @@ class Planner:
     ) -> tuple[Stretch, State]:
         """Return the next stretch, to a goal, by a path, a rule or anywhere, and the state after.
 
-        The same state, goal and generator state give the same result. Only the generator is
-        changed.
+        A fish without a goal gets a place for some ticks; when they are over, the next call chooses
+        another. The same state, goal and generator state give the same result. Only the generator
+        is changed.
         """
+        # A fish of a mode with sprites may be in no row of the film.
         fish = state.fish if state.fish.row >= 0 else self._fish_in_film(state.fish)
         state = state._replace(fish=fish)
         if isinstance(goal, Route):
             return self._plan_on_route(state, goal, rng)
         state, target = self._choose_target(state, goal, rng)
         objective = target_objective(self._next_waypoint(fish, target))
+        # A plan to a free target, which need not be touched, goes on when the place changes.
         task = ANYWHERE if target.free else target
         planned, progress = self._plan_or_stay(fish, state.progress, objective, task, rng)
         stretch = self._fallback.keep_clear(fish, planned)
@@ -213,9 +216,9 @@ class Planner:
             progress = Progress()
         # A fish without a goal swims to its place until it touches it, or its ticks are over.
         keeps_place = not isinstance(goal, Goal) and not stretch.touches_goal
-        ticks_left = max(0, state.ticks_left - len(stretch.trajectory)) if keeps_place else 0
+        ticks = max(0, state.place_ticks_left - len(stretch.trajectory)) if keeps_place else 0
         fish_after = self._fish_after(fish, stretch)
-        return stretch, state._replace(fish=fish_after, ticks_left=ticks_left, progress=progress)
+        return stretch, state._replace(fish=fish_after, place_ticks_left=ticks, progress=progress)
 
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
@@ -227,11 +230,11 @@ class Planner:
         world = self.world
         if isinstance(goal, Goal):
             x, y, free = goal.x_px, goal.y_px, False
-            state = state._replace(ticks_left=0, by_rule=False)
+            state = state._replace(place_ticks_left=0, by_rule=False)
         else:
-            place, ticks_left, by_rule = self._choose_place(state, goal, rng)
+            place, ticks, by_rule = self._choose_place(state, goal, rng)
             (x, y), free = place, not by_rule and world.settings.wander == "film"
-            state = state._replace(place=place, ticks_left=ticks_left, by_rule=by_rule)
+            state = state._replace(place=place, place_ticks_left=ticks, by_rule=by_rule)
         return state, Target(float(x), float(y), world.touch_px, world.head_px, free)
 
     def _choose_place(
@@ -242,14 +245,14 @@ class Planner:
         The ticks are those for which the fish swims there. A rule goes first; where it requests
         nothing, the place is a random one. A place behind a leader is chosen anew every time.
         """
-        holds = state.ticks_left > 0
+        holds = state.place_ticks_left > 0
         if holds and state.by_rule and rule is not None and rule.leader is None:
-            return state.place, state.ticks_left, True
+            return state.place, state.place_ticks_left, True
         rule_place = None if rule is None else place_by_rule(rule, state.fish, self.world, rng)
         if rule_place is not None:
             return *rule_place, True
         if holds and not state.by_rule:
-            return state.place, state.ticks_left, False
+            return state.place, state.place_ticks_left, False
         return *random_wander_place(self.world, state.fish, rng), False
 
     def _next_waypoint(self, fish: Fish, target: Target) -> Target:

@@ -51,7 +51,7 @@ def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
 
 @leaf_kernel
 def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
-    """Return how far a point x, y px is inside the wall, px; < 0 outside the tank.
+    """Return how far a point x, y px is from the wall, px; < 0 outside the tank.
 
     bounds: `Bounds`. Beyond the picture the result falls by 1 with each px away from it.
     """

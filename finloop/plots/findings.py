@@ -42,15 +42,15 @@ class FaultPicture(NamedTuple):
 
 
 def draw_film_fault(
-    word: str, table: pd.DataFrame, rate_hz: float, tank: Picture, read_frames: ReadFrames
+    fault: str, table: pd.DataFrame, rate_hz: float, tank: Picture, read_frames: ReadFrames
 ) -> FaultPicture | None:
     """Return a picture of a fault of light, camera or frames; None if no frame shows it.
 
-    word: what the finding is about. table: columns `check.CHECK`, of all frames. rate_hz: frames
-    per second. tank: the empty tank (h, w[, 3]). read_frames(numbers): yields the frames
-    (h, w[, 3]) of these numbers, which ascend.
+    fault: word of the finding; None, too, if it is about another one. table: columns `check.CHECK`,
+    of all frames. rate_hz: frames per second. tank: the empty tank (h, w[, 3]).
+    read_frames(numbers): yields the frames (h, w[, 3]) of these numbers, which ascend.
     """
-    match word:
+    match fault:
         case "flicker":
             later = int(table["light"].diff().abs().idxmax())
             return _draw_lights([later - 1, later], read_frames)
@@ -70,46 +70,47 @@ def draw_film_fault(
 
 
 def draw_animal_fault(
-    word: str, frames: Iterable[tuple[str, Picture]], scene: Scene, typical: TypicalFish,
+    fault: str, frames: Iterable[tuple[str, Picture]], scene: Scene, typical: TypicalFish,
     arena: Picture, settings: ExtractSettings,
 ) -> FaultPicture | None:  # fmt: skip
     """Return a picture of the animal that shows a fault best; None if no frame shows it.
 
-    word: what the finding is about. frames: pairs (label, picture) that are searched. scene,
-    typical, arena: as in `judge_silhouettes`. Of what is cut off the largest is shown, of black and
-    white what has most of it; for another fault, an animal of typical area.
+    fault: word of the finding; None, too, if `_CAPTIONS` lacks it. frames: pairs (label, picture)
+    that are searched. scene, typical, arena: as in `judge_silhouettes`. Of animals that are cut
+    off, the largest is shown; of those with black or white pixels, the one with the most; for other
+    faults, one of typical area.
     """
-    if word not in _CAPTIONS:
+    if fault not in _CAPTIONS:
         return None
-    most, shown = 0.0, None
+    best_worth, shown = 0.0, None
     for label, frame in frames:
         for silhouette, verdict in judge_silhouettes(frame, scene, typical, arena, settings):
-            worth, marked = _judge_example(word, silhouette, verdict, frame, typical)
-            if worth > most:
+            worth, marked = _judge_example(fault, silhouette, verdict, frame, typical)
+            if worth > best_worth:
                 (height, width), corner = marked.shape, (silhouette.x0, silhouette.y0)
                 outlines = trace_outlines(marked, corner)
-                most, shown = worth, (label, frame.copy(), (*corner, width, height), outlines)
+                best_worth, shown = worth, (label, frame.copy(), (*corner, width, height), outlines)
     if shown is None:
         return None
     label, frame, box, outlines = shown
     picture = _crop_around(frame, box, outlines)
-    return FaultPicture(picture, f"{_CAPTIONS[word]}, outlined: {label}.")
+    return FaultPicture(picture, f"{_CAPTIONS[fault]}, outlined: {label}.")
 
 
 def _judge_example(
-    word: str, silhouette: Silhouette, verdict: str, frame: Picture, typical: TypicalFish
+    fault: str, silhouette: Silhouette, verdict: str, frame: Picture, typical: TypicalFish
 ) -> tuple[float, Mask]:
     """Return how well a silhouette shows a fault, 0 if not at all, and the mask of what to outline.
 
-    word, typical: as in `draw_animal_fault`; verdict: of `judge_silhouettes`.
+    fault, typical: as in `draw_animal_fault`; verdict: of `judge_silhouettes`.
     """
-    if word in ("black", "white"):
+    if fault in ("black", "white"):
         height, width = silhouette.mask.shape
         rows = slice(silhouette.y0, silhouette.y0 + height)
         level = to_grey(frame[rows, silhouette.x0 : silhouette.x0 + width])
-        lost = silhouette.mask & (level <= BLACK if word == "black" else level >= WHITE)
+        lost = silhouette.mask & (level <= BLACK if fault == "black" else level >= WHITE)
         return float(lost.sum()), lost
-    if word == "border":
+    if fault == "border":
         return silhouette.area_px * (verdict == "at border"), silhouette.mask
     ratio = silhouette.area_px / typical.area_px
     return min(ratio, 1 / ratio) * (verdict == "fish"), silhouette.mask

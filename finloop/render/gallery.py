@@ -166,7 +166,7 @@ def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
 
 
 def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[PlacedFish, ...]]:
-    """Yield, for each tick of an edit list (schema EDIT), all its fish, the lowest first.
+    """Yield, for each tick of an edit list (schema EDIT), all its fish by number.
 
     FinloopError before the first one lists all that cannot be drawn.
     """

@@ -57,7 +57,7 @@ def sprite_metrics(
 
     sprites: schema `SPRITES`; table: a row for each fish in each frame, from `swimmer_table`;
     features: the film's feature table; film_frames: how many frames the film has; rate_hz: of them
-    a second.
+    a second. Names with "before" speak of the film, those with "after" of the sprites.
     """
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     used = sprites[["track_id", "frame"]].drop_duplicates()

@@ -54,7 +54,8 @@ def midline_of_pose(
 
     x, y: mass centre, body lengths, y down; axis: mean direction towards the head, radians
     anticlockwise; beat: phase of the tail beat, cycles; amplitude: of the beat, 1 = cruising; bend:
-    the C-bend, head against tail, radians, + left; ripple: two small random bends.
+    the C-bend, head against tail, radians, + left; ripple: two small random bends, the
+    largest curvature of each, radians per body length.
     Tangents are integrated from curvature, so the line cannot stretch. Then it is moved and turned,
     so the head recoils against the tail as in a fish.
     """

@@ -215,7 +215,7 @@ class Swimmer:
         self.peak = math.copysign(  # the greatest bend, radians
             (math.radians(17) + 0.66 * size) * float(self.rng.uniform(0.85, 1.15)), angle
         )
-        self.target_rate, self.target_amplitude = 1.2, 0.15
+        self.target_rate, self.target_amplitude = 1.2, 0.15  # of the tail beat
 
     def _pick_turn(self, others: Sequence["Swimmer"], sharp: bool) -> float | None:
         """Return the angle of a turn into open water, radians, + left; None if no turn is good.

@@ -29,7 +29,7 @@ def estimate_frame_rate(
     """
     gaps = np.diff(np.asarray(times_s, np.float64))
     gaps = gaps[(gaps > 0) & (gaps <= max(CUT_S, CUT_FRAMES * float(np.median(gaps))))]
-    if not gaps.size:  # the stamps say nothing
+    if not gaps.size:  # the stamps say nothing: the first rate that is stated, else 25 frames/s
         return next((rate for rate in candidates if rate > 0), Fraction(25))
     counts = np.rint(gaps / np.median(gaps))
     estimate = float(counts.sum() / gaps.sum())
