@@ -432,7 +432,7 @@ def test_after_a_jump_comes_at_least_so_much_film(stay, choice):
         player_in("loops", min_deltas_between_jumps=stay, loop_end_choice=choice),
         np.random.default_rng(6),
     )
-    film, gaps, since = player.film, [], None
+    film, gaps, since = player.mode.film, [], None
     state = player.begin(rng)
     for _ in range(400):
         before = state
@@ -482,7 +482,7 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
 
 def test_a_dead_end_is_never_played_into():
     player = paper_player(loops_of(film_with_dead_ends()))
-    goes_on = player.film.can_play_on(np.arange(len(player.film.has_next) - 1))
+    goes_on = player.mode.film.can_play_on(np.arange(len(player.mode.film.has_next) - 1))
     assert not goes_on.all()
     for seed in range(3):
         found, _ = edit_of(player, [], 2000, seed)
@@ -861,7 +861,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode,
     player = player_in(mode, **matching)
     found, table = edit_of(player, A, 1500, 2)
     fade = player.joins.fade if ticks is None else ticks
-    film = rich_film() if mode == "matching" else player.film
+    film = rich_film()
     assert ticks is not None or fade == round(settings("animate").cross_fade_deltas * DELTA) > 1
     number, kind = table["source"].to_numpy(), table["kind"].to_numpy()
     rotation, weight = table["rotation_deg"].to_numpy(float), table["weight"].to_numpy(float)

@@ -33,7 +33,7 @@ from finloop.modes.hybrid import Gateways, Hybrid
 from finloop.modes.loops import Loops
 from finloop.modes.network import Network
 from finloop.modes.phases import Phases, learn_phases
-from finloop.modes.player import PaperMode, PaperPlayer
+from finloop.modes.player import FilmFrames, PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites, make_sprites
 from finloop.plan.graph import MotionGraph, loop_jumps, motion_graph
 from finloop.plan.matching_settings import AllSettings, merge_settings
@@ -394,7 +394,8 @@ def paper_player(mode: PaperMode, join="fade", hulls=(HULL, HULL)) -> PaperPlaye
     how = resolve_join_rules(settings("animate"), join, bodies_of(film_), DELTA)
     world = (network or play).world
     kept = None if network is None else network.sprites
-    return PaperPlayer(mode, world, film_, kept, cast_of(film_, hulls), how)
+    frames = FilmFrames(film_.heading, film_.scale, film_.has_next)
+    return PaperPlayer(mode, world, frames, kept, cast_of(film_, hulls), how)
 
 
 def players_of(own_world=None, gates=None, hulls=(HULL, HULL)) -> dict[str, AnyPlayer]:

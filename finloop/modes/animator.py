@@ -27,9 +27,9 @@ from finloop.edit.pictures import Pictures, remove_ghost_fades
 from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
 from finloop.loops.graph import build_loop_graph
-from finloop.modes.player import PaperMode, PaperPlayer
+from finloop.modes.player import FilmFrames, PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites
-from finloop.plan.graph import Jumps, MotionGraph, loop_jumps, motion_graph
+from finloop.plan.graph import Jumps, MotionGraph, loop_jumps, motion_graph, rows_with_next
 from finloop.pose.film import FilmPoses
 from finloop.sprites.orient import sprite_outlines
 
@@ -180,9 +180,6 @@ def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
     return ModeAssets(film_data, scaled, world, pictures, silhouettes)
 
 
-NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
-
-
 def video_loop_graph(assets: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
     """Return the motion graph of the film, whose only jumps are those of its video loops.
 
@@ -203,15 +200,19 @@ def video_loop_graph(assets: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
 
 
 def make_animator(
-    assets: ModeAssets, mode: PaperMode, film: MotionGraph, sprites: Sprites | None,
-    p: AnimateSettings, join: str,
-) -> Animator:  # fmt: skip
+    assets: ModeAssets, mode: PaperMode, sprites: Sprites | None, p: AnimateSettings, join: str
+) -> Animator:
     """Return the animator of a mode of the paper.
 
-    assets: what the modes share; mode: its flow chart; film: motion graph of its rows; sprites:
-    None in a mode without sprites; p: the group `animate`; join: how pictures are joined, "fade",
-    "inertial" or "cut".
+    assets: what the modes share; mode: its flow chart; sprites: None in a mode without sprites; p:
+    the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
     """
-    joins = resolve_join_rules(p, join, assets.pictures.bodies, assets.world.motion.delta)
-    player = PaperPlayer(mode, assets.world, film, sprites, assets.silhouettes, joins)
+    reel, motion = assets.scaled.reel, assets.world.motion
+    frames = FilmFrames(
+        reel.features["heading_deg"].to_numpy(float),
+        scale=motion.body_length_px / reel.lengths_px.astype(float),
+        goes_on=rows_with_next(reel.features["track_id"].to_numpy(), assets.scaled.barred),
+    )
+    joins = resolve_join_rules(p, join, assets.pictures.bodies, motion.delta)
+    player = PaperPlayer(mode, assets.world, frames, sprites, assets.silhouettes, joins)
     return Animator(player, assets.pictures, assets.film_data.natural_step, p)

@@ -238,4 +238,4 @@ def hybrid_animator(
     mode: PaperMode = Hybrid(network, loop_mode, sorted_gateways)
     if not (loop_mode.can_play and sorted_gateways.into and sorted_gateways.out_of):
         mode = network
-    return make_animator(assets, mode, loop_mode.film, sprites, p, hybrid_settings.join)
+    return make_animator(assets, mode, sprites, p, hybrid_settings.join)

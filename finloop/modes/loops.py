@@ -364,7 +364,7 @@ def loops_animator(
     mode = make_loops(assets, loops, q)
     if not mode.can_play:
         raise no_loops_error("loops")
-    return make_animator(assets, mode, mode.film, None, p, q.join)
+    return make_animator(assets, mode, None, p, q.join)
 
 
 def no_loops_error(mode: str) -> NothingToUse:

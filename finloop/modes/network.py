@@ -31,13 +31,7 @@ from finloop.distance.picture import all_distances
 from finloop.edit.schema import DECELERATE, PHASE, SLIDE, STATES, TURN, TURNING, WALL
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.swimming_type import LEFT, RIGHT
-from finloop.modes.animator import (
-    NO_LOOPS,
-    Animator,
-    ModeAssets,
-    make_animator,
-    video_loop_graph,
-)
+from finloop.modes.animator import Animator, ModeAssets, make_animator
 from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.sprites import Sprites, TurnPlan, make_sprites, plan_turn, start_from_bend
@@ -350,7 +344,7 @@ def network_animator(
     `animate` and `network` of the parameters.
     """
     mode, sprites = make_network(assets, model, q)
-    return make_animator(assets, mode, video_loop_graph(assets, NO_LOOPS), sprites, p, q.join)
+    return make_animator(assets, mode, sprites, p, q.join)
 
 
 def make_network(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,14 +14,13 @@ from finloop.animate.rule import Rule
 from finloop.animate.silhouettes import Silhouettes
 from finloop.animate.state import Fish, State
 from finloop.animate.world import World
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.edit.build import EditInputs
 from finloop.edit.joins import JoinRules
 from finloop.edit.schema import TURN, Goal
 from finloop.edit.stretch import Stretch
 from finloop.modes.sprites import Sprites
-from finloop.plan.graph import MotionGraph
 
 
 class PaperMode(Protocol):
@@ -40,17 +39,29 @@ class PaperMode(Protocol):
         """Return the fish as it is at the end of a stretch that began with `fish`."""
 
 
+class FilmFrames(NamedTuple):
+    """The film's frames (n,) as an edit list needs them.
+
+    heading_deg: as filmed; scale: drawn size / filmed size; goes_on: whether the next row may be
+    shown after it.
+    """
+
+    heading_deg: Floats
+    scale: Floats
+    goes_on: Mask
+
+
 @dataclass(frozen=True)
 class PaperPlayer:
     """Plays a mode of the paper with one fish, which swims to goals or wanders.
 
-    film: motion graph of its rows; sprites: in cycles and turns, None in a mode without them;
-    silhouettes: outlines of frames and sprites; joins: how pictures are joined.
+    frames: of the film; sprites: in cycles and turns, None in a mode without them; silhouettes:
+    outlines of frames and sprites; joins: how pictures are joined.
     """
 
     mode: PaperMode
     world: World
-    film: MotionGraph
+    frames: FilmFrames
     sprites: Sprites | None
     silhouettes: Silhouettes
     joins: JoinRules
@@ -61,15 +72,13 @@ class PaperPlayer:
     @cached_property
     def edit_inputs(self) -> EditInputs:
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
-        film, motion, sprites = self.film, self.world.motion, self.sprites
-        filmed = slice(0, film.filmed_count)
+        motion, sprites = self.world.motion, self.sprites
         scale, next_sprites, orientations = np.ones(1), np.zeros(1, np.int64), 1  # never shown
         if sprites is not None:
             scale, next_sprites = self.silhouettes.sprite_scale, sprites.following
             orientations = sprites.orientations
         return EditInputs(
-            motion.rate_hz, motion.body_length_px, heading_deg=film.heading[filmed],
-            scale=film.scale[filmed], goes_on=film.has_next[filmed], sprite_scale=scale,
+            motion.rate_hz, motion.body_length_px, **self.frames._asdict(), sprite_scale=scale,
             sprite_after=next_sprites, orientations=orientations, joins=self.joins,
             frame_mode="loops", sprite_mode="network",
         )  # fmt: skip

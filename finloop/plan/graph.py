@@ -164,8 +164,7 @@ def motion_graph(
     scale = motion.body_length_px / typical_lengths_px(features).to_numpy(float)
     places = places_through_water(features) * scale[:, None]
     track_ids = features["track_id"].to_numpy()
-    has_next = np.append(track_ids[1:] == track_ids[:-1], False)
-    has_next &= ~barred & ~np.append(barred[1:], True)
+    has_next = rows_with_next(track_ids, barred)
     steps = np.zeros((n, 2))
     steps[:-1] = np.diff(places, axis=0)
     steps[~has_next] = 0.0
@@ -186,6 +185,15 @@ def motion_graph(
     rows["recurrent"] = find_endless_rows(has_next, jump_slot, graph.start, graph.to)
     can_lead = rows["has_next"] & np.append(rows["recurrent"][1:], False)
     return graph.keep_jumps_to(can_lead)
+
+
+def rows_with_next(track_ids: Ints, barred: Mask) -> Mask:
+    """Return whether the next row (n,) is of the same track, and both may be shown.
+
+    track_ids (n,): rising; barred (n,): rows that must not be shown.
+    """
+    has_next = np.append(track_ids[1:] == track_ids[:-1], False)
+    return np.asarray(has_next & ~barred & ~np.append(barred[1:], True))
 
 
 def random_fish_in_film(film: MotionGraph, tank: Tank, rng: np.random.Generator) -> Fish:
