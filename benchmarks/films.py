@@ -3,7 +3,7 @@
 `python -m benchmarks.films [FILM …]` draws carp as a fast, a slow, a flickering, a shaking, a
 short, a large and a small film, and runs the pipeline on each of them and on the given films.
 films.csv gets a row per film, which replaces the film's old row; a failed film has the reason.
-`--realism` runs that stage, too.
+`--realism` runs that stage, too; `--features` stops at that stage, and leaves the rest empty.
 """
 
 import argparse
@@ -95,14 +95,15 @@ def run_pipeline(folder: Path, overrides: list[str], last_stages: list[str]) -> 
             shutil.copyfile(
                 truth_file, folder / "data/clip" / TRUTH_NAME
             )  # `features` compares with it
-    features, animated = numbers["features"], numbers["animate"]
+    features, animated = numbers["features"], numbers.get("animate", {})
     row = {
         "rows": features["fish_frames"],
         "delta_s": features["delta_s"],
         "heading_error_median_deg": features.get("truth_heading_error_median_deg"),
         "head_tail_swaps": features.get("truth_head_tail_swaps"),
         "heading_off_travel_median_deg": features.get("heading_off_travel_median_deg"),
-        "film_share_pct": animated["matching_film_pct"],
+        "heading_jumps_pct": features.get("heading_jumps_pct"),
+        "film_share_pct": animated.get("matching_film_pct"),
         "video": (folder / "data/render/hybrid.mp4").is_file(),
     }
     for mode in MODES:
@@ -133,6 +134,7 @@ def parse_arguments(command_line: Sequence[str] | None = None) -> argparse.Names
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("films", nargs="*")
     parser.add_argument("--realism", action="store_true", help="also run the stage realism")
+    parser.add_argument("--features", action="store_true", help="only up to the stage features")
     parser.add_argument("--only", nargs="*", default=list(DRAWN), help="only these drawn films")
     parser.add_argument("--keep", type=Path, help="a working folder, which is kept")
     args = parser.parse_args(command_line)
@@ -173,6 +175,8 @@ def main() -> None:
     """Run the pipeline on all films; print and write the table; exit with 1 if a film failed."""
     args = parse_arguments()
     last_stages = ["animate", "render", *(["realism"] if args.realism else [])]
+    if args.features:
+        last_stages = ["features"]
     given_films = zip(
         film_keys(args.films), (file_overrides(Path(film)) for film in args.films), strict=True
     )

@@ -87,6 +87,15 @@ def test_a_film_that_fails_is_a_row_and_the_next_one_is_run(tmp_path, monkeypatc
     assert table["failed"].isna()[1] and table["rows"].isna()[0]
 
 
+def test_a_film_that_is_run_up_to_features_has_no_numbers_of_modes(tmp_path, monkeypatch):
+    monkeypatch.setattr(films, "prepare_folder", lambda folder, overrides: None)
+    numbers = {"fish_frames": 7, "delta_s": 0.2, "heading_jumps_pct": 1.5}
+    monkeypatch.setattr(films, "run_stage", lambda folder, stage: numbers)
+    row = films.run_pipeline(tmp_path, [], ["features"])
+    known = {name for name, value in row.items() if value is not None}
+    assert known == {"rows", "delta_s", "heading_jumps_pct", "video"} and not row["video"]
+
+
 # --- identities
 
 
