@@ -36,7 +36,8 @@ def test_a_tail_beat_on_the_spot_says_how_fast_the_water_is(hz, wide, speed):
 
 def test_who_swims_about_or_turns_or_rests_is_in_no_current():
     track = [slice(0, 200)]
-    assert measure_current(*beating(drift=0.3), track, RATE) == 0
+    for drift in (0.09, 0.3):  # 0.7 and 2.4 body lengths
+        assert measure_current(*beating(drift=drift), track, RATE) == 0
     assert measure_current(*beating(wide=0.03), track, RATE) == 0
     place, heading, tail, bend = beating()
     assert measure_current(place, 100 * heading, tail, bend, track, RATE) == 0
