@@ -38,6 +38,7 @@ if TYPE_CHECKING:  # what members return; they import it themselves
     from finloop.forecast.film import FilmStates
     from finloop.forecast.sampling import Sampler
     from finloop.modes.animator import ModeAssets
+    from finloop.modes.network import Network
     from finloop.pose.film import FilmPoses
     from finloop.render.gallery import Gallery
     from finloop.social.rule import SchoolRule
@@ -367,6 +368,13 @@ class Project:
     def sprite_assets(self) -> ModeAssets:
         """Return what the modes that show sprites share: `film_assets` with the sprites."""
         return self._prepare_assets(self.reel)
+
+    @cached_property
+    def network_mode(self) -> Network:
+        """Return the flow chart of mode `network`, which mode `hybrid` uses, too."""
+        from finloop.modes.network import make_network
+
+        return make_network(self.sprite_assets, self.motion_network, self.settings("network"))
 
     def _prepare_assets(self, reel: Reel) -> ModeAssets:
         """Return what the modes share of the film; reel: its pictures, with or without sprites."""

@@ -77,7 +77,7 @@ from finloop.modes.animator import Animator, FilmData, prepare_mode_assets
 from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
 from finloop.modes.matching import MatchingData, matching_animator
-from finloop.modes.network import network_animator
+from finloop.modes.network import make_network, network_animator
 from finloop.plan.load_paths import load_path_lines
 from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, compute_film_poses
@@ -381,20 +381,22 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         tracks.background, reel if shows_sprites else Reel(reel.features, reel.film),
         FilmOutlines.from_rows(outline_px, reel.features), poses, similar.facts, similar.steps,
     )  # fmt: skip
-    assets, settings = prepare_mode_assets(film_data, p["animate"]), p.values()
+    assets, common = prepare_mode_assets(film_data, p["animate"]), p["animate"]
     animator: Animator
-    if mode == "network":
-        animator = network_animator(assets, model, *settings)
-    elif mode == "loops":
-        animator = loops_animator(assets, loops, *settings)
-    elif mode == "hybrid":
-        animator = hybrid_animator(assets, model, loops, gateways, *settings)
+    if mode == "loops":
+        animator = loops_animator(assets, loops, common, p["loops"])
+    elif shows_sprites:
+        network = make_network(assets, model, p["network"])
+        animator = network_animator(assets, network, common, p["network"])
+        if mode == "hybrid":
+            own = p["loops"], p["hybrid"]
+            animator = hybrid_animator(assets, network, loops, gateways, common, *own)
     else:
         lines = load_path_lines(p["matching"], reel.features)
         matching_data = MatchingData(
             assets, jumps.jumps, forecast, lines, film.facts.mm_per_px, shoaling
         )
-        animator = matching_animator(matching_data, merge_settings(p["animate"], p["matching"]))
+        animator = matching_animator(matching_data, merge_settings(common, p["matching"]))
     _, edit = animator.plan(animator.goals())
     return apply_schema(edit, EDIT)
 

@@ -14,7 +14,6 @@ from finloop.animate.kinematics import Target, touches_target, wrap
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats, Ints
-from finloop.bpn.model import MotionModel
 from finloop.edit.schema import ENTER, NO_WAY, PHASE, SLIDE, STRAIGHT
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import find_orientations, wrap_deg
@@ -28,8 +27,7 @@ from finloop.modes.loops import (
     make_loops,
     ticks_to_first_end,
 )
-from finloop.modes.network import Network, make_network
-from finloop.modes.network_settings import NetworkSettings
+from finloop.modes.network import Network
 from finloop.modes.player import PaperMode
 from finloop.plan.search import Candidates, make_candidates
 
@@ -223,19 +221,17 @@ class Hybrid:
 
 
 def hybrid_animator(
-    assets: ModeAssets, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
-    p: CommonSettings, network_settings: NetworkSettings, loops_settings: LoopsSettings,
-    hybrid_settings: HybridSettings,
+    assets: ModeAssets, network: Network, loops: pd.DataFrame, gateways: pd.DataFrame,
+    p: CommonSettings, loops_settings: LoopsSettings, hybrid_settings: HybridSettings,
 ) -> Animator:  # fmt: skip
     """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, of `network`.
 
-    assets: what the modes share, with sprites; model: the trained network; loops: rows a, b and
-    distance of each loop; gateways: columns of `GATEWAYS`; p: the group `animate`.
+    assets: what the modes share, with sprites; network: flow chart of mode `network`; loops: rows
+    a, b and distance of each loop; gateways: columns of `GATEWAYS`; p: the group `animate`.
     """
-    network, sprites = make_network(assets, model, network_settings)
     loop_mode = make_loops(assets, loops, loops_settings)
     sorted_gateways = Gateways(gateways, assets.film_data.map_facts.step_median, loop_mode)
     mode: PaperMode = Hybrid(network, loop_mode, sorted_gateways)
     if not (loop_mode.can_play and sorted_gateways.into and sorted_gateways.out_of):
         mode = network
-    return make_animator(assets, mode, sprites, p, hybrid_settings.join)
+    return make_animator(assets, mode, network.sprites, p, hybrid_settings.join)

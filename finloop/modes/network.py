@@ -336,21 +336,18 @@ def _drift_towards_aim(drift_deg: Floats, approach: GoalApproach) -> Floats:
 
 
 def network_animator(
-    assets: ModeAssets, model: MotionModel, p: CommonSettings, q: NetworkSettings
+    assets: ModeAssets, network: Network, p: CommonSettings, q: NetworkSettings
 ) -> Animator:
     """Return the animator of mode `network` (Fig. 18).
 
-    assets: what the modes share, with sprites; model: the trained network; p, q: the groups
+    assets: what the modes share, with sprites; network: the mode's flow chart; p, q: the groups
     `animate` and `network` of the parameters.
     """
-    mode, sprites = make_network(assets, model, q)
-    return make_animator(assets, mode, sprites, p, q.join)
+    return make_animator(assets, network, network.sprites, p, q.join)
 
 
-def make_network(
-    assets: ModeAssets, model: MotionModel, q: NetworkSettings
-) -> tuple[Network, Sprites]:
-    """Return the flow chart of mode `network` for a film, and its sprites.
+def make_network(assets: ModeAssets, model: MotionModel, q: NetworkSettings) -> Network:
+    """Return the flow chart of mode `network` for a film.
 
     assets: what the modes share, with sprites; model: the trained network.
     """
@@ -358,4 +355,4 @@ def make_network(
     pose_distances = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
     sprites = make_sprites(assets.silhouettes.sprites, pose_distances, motion.rate_hz)
     phases = learn_phases(assets.scaled.reel.features, motion.rate_hz, motion.delta, q)
-    return Network(assets.world, sprites, phases, model, q), sprites
+    return Network(assets.world, sprites, phases, model, q)

@@ -12,8 +12,8 @@ def open_mode(project: Project) -> Animator:
     """Return the animator of mode `hybrid`; without loops or gateways, that of `network`."""
     settings = project.settings
     return hybrid_animator(
-        project.sprite_assets, project.motion_network, project.loops, project.gateways,
-        settings("animate"), settings("network"), settings("loops"), settings("hybrid"),
+        project.sprite_assets, project.network_mode, project.loops, project.gateways,
+        settings("animate"), settings("loops"), settings("hybrid"),
     )  # fmt: skip
 
 

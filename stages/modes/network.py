@@ -10,8 +10,8 @@ from stages.animation import write_animation
 
 def open_mode(project: Project) -> Animator:
     """Return the animator of mode `network`, with the results of earlier stages."""
-    assets, model, settings = project.sprite_assets, project.motion_network, project.settings
-    return network_animator(assets, model, settings("animate"), settings("network"))
+    assets, network, settings = project.sprite_assets, project.network_mode, project.settings
+    return network_animator(assets, network, settings("animate"), settings("network"))
 
 
 def main() -> None:
