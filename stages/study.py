@@ -130,8 +130,10 @@ def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
         raise FinloopError(f"{path} cannot be read: {error}", EXAMPLE, "correct it") from error
     films = values.get("films") if isinstance(values, Mapping) else None
     problems = []
-    if not isinstance(films, Mapping) or not films:
+    if not films:
         problems.append("it has no films")
+    elif not isinstance(films, Mapping):
+        problems.append("its films are no `name: path`")
     elif unknown := set(values) - {"films", "settings"}:
         problems.append(f"it has {', '.join(sorted(map(str, unknown)))}")
     common = (values.get("settings") or {}) if isinstance(values, Mapping) else {}

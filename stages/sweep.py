@@ -55,7 +55,8 @@ from finloop.base.process import die_with_parent
 die_with_parent()
 sys.exit(main())
 """
-RESULTS = (PARAMS.name, "dvc.lock", "reports")  # what git has and a run changes
+# What git has that a run changes, or that no result depends on, such as the name of a remote.
+RESULTS = (PARAMS.name, "dvc.lock", "reports", ".dvc")
 LAST_LINES = 12  # of the output of a failed run
 AFTER_ANIMATE = {*WORDS[WORDS.index("animate") + 1 :]}  # stages that `animate` does not need
 
@@ -225,6 +226,12 @@ class RunMaker:
             return failures
         at_once = min(self.jobs, len(todo))
         print(f"{len(todo)} of {len(runs)} runs to make, {at_once} at a time", file=sys.stderr)
+        if replaced := [name for name in todo if name in self.existing]:
+            print(
+                f"finloop: {', '.join(replaced)}: made again, as the film, the settings or the "
+                "code were others; dvc exp rename NAME OTHER keeps one",
+                file=sys.stderr,
+            )
         self._open_clones(at_once)
         with report_progress("runs", len(todo), "runs") as advance:
 

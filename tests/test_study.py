@@ -60,6 +60,7 @@ def test_any_name_of_a_film_composes_as_it_is(tmp_path):
     [
         ("films: {}", "has no films"),
         ("- a", "has no films"),
+        ("films: [x.mp4]", "no `name: path`"),
         ("films: [", "cannot be read"),
         ("films: {a: x.mp4, a: y.mp4}", "duplicate key a"),
         ("films: {a: x.mp4}\nfilms: {b: x.mp4}", "duplicate key films"),
