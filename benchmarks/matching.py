@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from finloop.modes.animator import prepare_mode_assets
 from finloop.modes.matching import MatchingData
 from finloop.plan.load_paths import load_path_lines
 from finloop.plan.matching_settings import AllSettings, merge_settings
@@ -32,7 +33,8 @@ def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
 
 def matching_data(project: Project, p: AllSettings) -> MatchingData:
     """Return the data from which the stage `modes-matching` makes its animation."""
+    assets = prepare_mode_assets(project.film_assets.film_data, p)  # p may have another fish_scale
     return MatchingData(
-        project.film_assets, project.jumps, project.forecast_sampler,
+        assets, project.jumps, project.forecast_sampler,
         load_path_lines(p, project.features), project.facts.mm_per_px, project.school_rule,
     )  # fmt: skip

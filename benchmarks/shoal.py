@@ -62,12 +62,13 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     """Yield the rows of groups for the film in the present folder."""
     p = settings_without_path()
     with Project() as project:
-        film_data = matching_data(project, p)
         for fish, size, seconds, goal_s in SHOALS:
             group_settings = replace_settings(
                 p, fish=fish, fish_scale=size, seconds=seconds, overlap=False
             )
-            row = measure_group(matching_animator(film_data, group_settings), goal_s)
+            row = measure_group(
+                matching_animator(matching_data(project, group_settings), group_settings), goal_s
+            )
             print(row, flush=True)
             yield {"film": film_name, "size": size, **row}
 
