@@ -72,10 +72,10 @@ def film_tables(folder: Path) -> pd.DataFrame:
     tables: dict[str, list[pd.DataFrame]] = {}
     with Project() as project:
         made = matching_data(project, p)
-        features = made.reel.features
+        features = project.features
         own = rows_of_first_film(features, project.data / "clip")
         horizon = load_settings("calibrate").horizon
-        film = build_film_group(own, made.arena, infer_delta_frames(features), horizon)
+        film = build_film_group(own, project.arena, infer_delta_frames(features), horizon)
         fish = min(film.typical_fish_count, MOST_FISH)
         tables["first_half"] = [film.half_measures(True)]
         for name, table in (
