@@ -387,8 +387,9 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         animator = loops_animator(assets, loops, common, p["loops"])
     elif shows_sprites:
         network = make_network(assets, model, p["network"])
-        animator = network_animator(assets, network, common, p["network"])
-        if mode == "hybrid":
+        if mode == "network":
+            animator = network_animator(assets, network, common, p["network"])
+        else:
             own = p["loops"], p["hybrid"]
             animator = hybrid_animator(assets, network, loops, gateways, common, *own)
     else:

@@ -121,7 +121,7 @@ def _list_doubts() -> pd.DataFrame:
     Columns about, doubt (a sentence), and, of a fault that is seen in a frame, picture (its path)
     and caption, else NaN.
     """
-    faults = load_faults([CLIP, EXTRACT, FEATURES])
+    faults = load_faults([FEATURES, CLIP, EXTRACT])  # heads that may be tails come first
     if (path := FAULTS / "pictures.csv").is_file():
         pictures = pd.read_csv(path, dtype=str, keep_default_na=False)
         faults = faults.merge(pictures, "left", ["film", "what"])

@@ -141,7 +141,8 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     """Return the animator of mode `matching` for a film.
 
     film_data: what is taken from the film; p: the groups `animate` and `matching` of the
-    parameters. NothingToUse where the film shows too little for what `matching.uses` names.
+    parameters. Size and tank are those for which `film_data.assets` was prepared. NothingToUse
+    where the film shows too little for what `matching.uses` names.
     """
     film, scaled, common, pictures, silhouettes = film_data.assets
     features, motion, bodies = scaled.reel.features, common.motion, pictures.bodies
