@@ -47,12 +47,12 @@ def _measure_film(
     statistics: how the film's fish swim. motion: speed and turn rate of the film's rows. The number
     `drawn_size` is the smallest scale at which a mode draws its fish, 1 = as filmed.
     """
-    features, rate = project.features, project.rate_hz
+    features = project.features
     # Between successive frames, where both pictures are known: as filmed, and turned head right.
     steps = project.step_distances[["headed", "as_filmed"]].dropna()["as_filmed"].to_numpy(float)
     numbers = measures.measure_film(features, motion, steps, statistics)
     with suppress(FinloopError):  # the film shows no straight swimming
-        phases = learn_phases(features, rate, statistics.delta, project.settings("network"))
+        phases = learn_phases(statistics, project.settings("network"))
         numbers |= state_shares(features, phases)
     if project.settings("matching").fish > 1:
         numbers |= encounters.measure_film_clearance(features)

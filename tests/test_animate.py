@@ -319,7 +319,7 @@ def test_a_target_too_near_for_a_turn_is_refused():
 
 
 def phases_of(table: pd.DataFrame) -> Phases:
-    return learn_phases(table, RATE, DELTA, settings("network"))
+    return learn_phases(learnt(table), settings("network"))
 
 
 def test_every_tick_of_a_film_is_learnt_once():

@@ -54,8 +54,9 @@ def test_all_that_swims_by_the_film_gets_on_as_in_still_water():
     assert np.median(extra[1]) == pytest.approx(2, abs=0.1)
     assert mean_step_px(high.rows) > mean_step_px(low.rows) > mean_step_px(plain.rows)
     every = (still, *drifted)
-    quick = [learn_fast_fish(table, RATE, 5, planning()).fastest for table in every]
-    phases = [learn_phases(table, RATE, 5, settings("network")).high for table in every]
+    lessons_of = [learn_motion(table, RATE, 5) for table in every]
+    quick = [learn_fast_fish(motion, planning()).fastest for motion in lessons_of]
+    phases = [learn_phases(motion, settings("network")).high for motion in lessons_of]
     assert quick[0] < quick[1] < quick[2] and phases[0] < phases[1] < phases[2]
     moved = [motion_of_film(table, learn_motion(still, RATE, 5))[0] for table in every]
     assert np.median(moved[2] - moved[0]) == pytest.approx(2, abs=0.1)

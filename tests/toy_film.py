@@ -124,13 +124,13 @@ def lesson() -> MotionStatistics:
 @cache
 def phases(rate: float = RATE) -> Phases:
     """The phases of straight swimming of the lessons."""
-    return learn_phases(lessons(), rate, DELTA, settings("network"))
+    return learn_phases(learnt(lessons(), rate), settings("network"))
 
 
 @cache
 def brisk() -> FastFish:
     """How fast a brisk fish of the lessons swims."""
-    return learn_fast_fish(lessons(), RATE, DELTA, planning())
+    return learn_fast_fish(lesson(), planning())
 
 
 def planning(**changes) -> AllSettings:

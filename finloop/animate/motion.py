@@ -50,10 +50,11 @@ class Turns:
 class MotionStatistics:
     """How the film's fish swim.
 
-    straight_ticks (k,): durations of swimming between two turns; delta: Δ in ticks; body_length_px:
-    as drawn, `size` times as large as filmed.
+    tracks: those that the rest is learnt from; straight_ticks (k,): durations of swimming between
+    two turns; delta: Δ in ticks; body_length_px: as drawn, `size` times as large as filmed.
     """
 
+    tracks: "list[TrackKinematics]"
     turns: Turns
     straight_ticks: NDArray[np.int32]
     rate_hz: float
@@ -132,7 +133,7 @@ def track_kinematics(track: Track, delta: int, length_px: float, rate_hz: float)
     )  # fmt: skip
 
 
-def kinematics_of_tracks(
+def _kinematics_of_tracks(
     features: pd.DataFrame, rate_hz: float, delta: int
 ) -> list[TrackKinematics]:
     """Return the kinematics of the film's tracks that are longer than 2 Δ.
@@ -152,12 +153,12 @@ def kinematics_of_tracks(
 
 
 def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
-    """Return the motion statistics of a feature table: its turns, and the times between them.
+    """Return the motion statistics of a feature table: tracks, turns, and the times between turns.
 
     rate_hz: frames per second; delta: Δ in frames. Where the film shows no turn, each track is one.
     FinloopError if nothing moves, or no heading changes.
     """
-    tracks = kinematics_of_tracks(features, rate_hz, delta)
+    tracks = _kinematics_of_tracks(features, rate_hz, delta)
     runs = [run for track in tracks for run in track.runs()]
     straight = [run.end - run.first for run in runs if run.kind == TYPE_STRAIGHT]
     turning = [run for run in runs if run.kind != TYPE_STRAIGHT]
@@ -167,7 +168,7 @@ def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionSt
     if turns is None:
         raise too_little_error("turning")
     length = float(features["body_length_px"].median())
-    return MotionStatistics(turns, np.array(straight, np.int32), rate_hz, delta, length)
+    return MotionStatistics(tracks, turns, np.array(straight, np.int32), rate_hz, delta, length)
 
 
 def _long_tracks(features: pd.DataFrame, exceeded_frames: int) -> Iterator[Track]:

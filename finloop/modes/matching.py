@@ -156,7 +156,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     graph = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
     world = FilmWorld(
         common.tank, motion, common.touch_px, common.head_px, film=graph,
-        brisk=learn_fast_fish(features, motion.rate_hz, motion.delta, p), settings=p,
+        brisk=learn_fast_fish(motion, p), settings=p,
         discs=silhouettes.discs,
     )  # fmt: skip
     film_source, prediction_source = _motion_sources(world, film_data.forecast, rarity, joins)

@@ -354,5 +354,5 @@ def make_network(assets: ModeAssets, model: MotionModel, q: NetworkSettings) -> 
     pictures, motion = assets.pictures, assets.world.motion
     pose_distances = all_distances(pictures.sprite_successors, pictures.right_facing_sprites)
     sprites = make_sprites(assets.silhouettes.sprites, pose_distances, motion.rate_hz)
-    phases = learn_phases(assets.scaled.reel.features, motion.rate_hz, motion.delta, q)
+    phases = learn_phases(motion, q)
     return Network(assets.world, sprites, phases, model, q)

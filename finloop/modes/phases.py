@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from finloop.animate.motion import (
     TYPE_STRAIGHT,
+    MotionStatistics,
     SwimmingRun,
     first_ticks,
-    kinematics_of_tracks,
     too_little_error,
 )
 from finloop.base.arrays import Floats
@@ -48,19 +48,19 @@ class Phases:
     high: float
 
 
-def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkSettings) -> Phases:
-    """Return the phases of straight swimming of a feature table; FinloopError if it shows none.
+def learn_phases(motion: MotionStatistics, p: NetworkSettings) -> Phases:
+    """Return the phases of straight swimming of a film; FinloopError if it shows none.
 
-    rate_hz: frames per second; delta: Δ in frames; p: what counts as sliding, steady and fast.
+    motion: how the film's fish swim; p: what counts as sliding, steady and fast.
     """
-    tracks = kinematics_of_tracks(features, rate_hz, delta)
+    tracks = motion.tracks
     sways = np.concatenate([track.sway[track.kind == TYPE_STRAIGHT] for track in tracks])
     still_sway = p.still_tail_ratio * float(np.quantile(sways, _BEATING))
     speeds = np.concatenate([track.speed for track in tracks])
     low, high = np.quantile(speeds, (p.min_speed_quantile, p.max_speed_quantile))
     runs = [run for track in tracks for run in track.runs()]
     straight = [run for run in runs if run.kind == TYPE_STRAIGHT]
-    return _phases_of_runs(straight, still_sway, delta, p, (float(low), float(high)))
+    return _phases_of_runs(straight, still_sway, motion.delta, p, (float(low), float(high)))
 
 
 def _phases_of_runs(

@@ -294,8 +294,10 @@ def _speeds_over_delta(places_px: Floats, track_ids: NDArray[np.int32], delta: i
     At the ends of a track it is measured over the part of Δ within the track. places_px (n, 2): x,
     y; track_ids (n,): rising; delta: Δ in ticks.
     """
-    first = np.searchsorted(track_ids, track_ids, "left")
-    last = np.searchsorted(track_ids, track_ids, "right") - 1
+    edges = np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))
+    rows_of_track = np.diff(edges)
+    first = np.repeat(edges[:-1], rows_of_track)
+    last = np.repeat(edges[1:] - 1, rows_of_track)
     rows = np.arange(len(track_ids))
     begin, end = np.maximum(rows - delta // 2, first), np.minimum(rows + delta - delta // 2, last)
     return np.hypot(*(places_px[end] - places_px[begin]).T) / np.maximum(end - begin, 1)

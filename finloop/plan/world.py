@@ -5,10 +5,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from finloop.animate.company import NO_DISCS, Discs
-from finloop.animate.motion import kinematics_of_tracks
+from finloop.animate.motion import MotionStatistics
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.features.table import wrap_deg
@@ -125,14 +124,9 @@ _QUICK = 0.99  # quantile of speeds and of turn rates; beyond it are faults of t
 _FASTEST = 0.998  # quantile taken for the highest speed; beyond it are faults of tracking
 
 
-def learn_fast_fish(
-    features: pd.DataFrame, rate_hz: float, delta: int, settings: AllSettings
-) -> FastFish:
-    """Return how fast fast fish of a feature table turn, and their highest speed.
-
-    rate_hz: frames per second; delta: Δ in frames.
-    """
-    tracks = kinematics_of_tracks(features, rate_hz, delta)
+def learn_fast_fish(motion: MotionStatistics, settings: AllSettings) -> FastFish:
+    """Return how fast the film's fast fish turn, and their highest speed."""
+    tracks, delta = motion.tracks, motion.delta
     headings = [track.heading_deg for track in tracks]
     turn_rates = np.concatenate([np.abs(deg[delta:] - deg[:-delta]) / delta for deg in headings])
     speeds = np.concatenate([track.speed for track in tracks])
