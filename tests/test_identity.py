@@ -46,11 +46,11 @@ def test_drift_is_none_on_a_straight_way_and_that_of_a_random_walk(rng):
     straight = motion.measure_drift(
         table_of(*(np.outer(np.arange(200), (0.1, 0.02 * k)) for k in range(3)))
     )
-    assert straight.error[:-1] == pytest.approx(0, abs=1e-9)
+    assert straight.mismatch[:-1] == pytest.approx(0, abs=1e-9)
     assert straight.share[:-1] == pytest.approx(1)
     drift = motion.measure_drift(table_of(*np.cumsum(rng.normal(0, 1, (40, 400, 2)), axis=1)))
     # Half of the walks of g steps of spread 1 end within sqrt(2 ln 2 g).
-    assert drift.error[:-1] == pytest.approx(np.sqrt(2 * np.log(2) * drift.gaps[:-1]), rel=0.1)
+    assert drift.mismatch[:-1] == pytest.approx(np.sqrt(2 * np.log(2) * drift.gaps[:-1]), rel=0.1)
     assert np.all(drift.share[:-1] < 0.1)
 
 

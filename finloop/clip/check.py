@@ -168,16 +168,20 @@ def _empty_tank(tally: ClipTally) -> Picture:
     lights = np.nan_to_num(tally.lights, nan=1.0)
     typical = np.median(gains / lights[numbers, None], axis=0) * np.median(lights)
     sample = [undo_gain(frame, gain / typical) for frame, gain in zip(sample, gains, strict=True)]
-    landmarks = find_landmarks(_median_picture(sample))
-    shifts = [measure_shift(frame, landmarks) for frame in sample]
-    certain = np.array([shift for shift in shifts if shift is not UNKNOWN])
-    if len(certain):
-        middle = Shift(*np.median(certain, axis=0))
-        for number, shift in enumerate(shifts):
-            if shift is not UNKNOWN:
-                shift = Shift(shift.x - middle.x, shift.y - middle.y, shift.apart)
-                sample[number] = undo_shift(sample[number], shift)
-    return _median_picture(sample)
+    return _median_picture(_undo_shake(sample))
+
+
+def _undo_shake(frames: list[Picture]) -> list[Picture]:
+    """Return frames moved to their median place; one whose shift is unknown stays where it is."""
+    landmarks = find_landmarks(_median_picture(frames))
+    shifts = [measure_shift(frame, landmarks) for frame in frames]
+    certain = [shift for shift in shifts if shift is not UNKNOWN]
+    middle = Shift(*np.median(certain, axis=0)) if certain else STILL
+    return [
+        frame if shift is UNKNOWN
+        else undo_shift(frame, Shift(shift.x - middle.x, shift.y - middle.y, shift.apart))
+        for frame, shift in zip(frames, shifts, strict=True)
+    ]  # fmt: skip
 
 
 def _median_picture(frames: Sequence[Picture]) -> Picture:
@@ -219,9 +223,10 @@ def _examine_frames(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return measures of shift, fields and noise by frame, and measures of what moves.
 
-    All but the shift need the frame before, so they lack where that is not among the frames.
-    frames: pairs (number, grey picture); tank_picture: the empty tank (h, w[, 3]). The second
-    table has the columns `_MovingPixels`.
+    The first table has a row for each frame; fields and noise are measured against the frame
+    before, and are missing where `frames` lacks it. The second table, columns `_MovingPixels`, has
+    rows only for frames that are not missing theirs. frames: pairs (number, grey picture);
+    tank_picture: the empty tank (h, w[, 3]).
     """
     tank, landmarks, last_shift = to_grey(tank_picture), find_landmarks(tank_picture), STILL
     thinned_tank = tank[::_THIN, ::_THIN]
@@ -334,7 +339,7 @@ def _summarize_quality(
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
     places = place[np.isfinite(place[:, 0])]
     distance = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]
-    known = 2 * len(places) >= examined  # else the floor has too few marks
+    known = 2 * len(places) >= examined  # in most frames the floor has enough marks
     repeats = find_repeats(table["change"].to_numpy(np.float64))
     medians = table[["shift_apart", "field_order", "noise"]].median()
     pixel_sum = max(1.0, float(moving["number"].sum()))

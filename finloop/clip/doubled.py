@@ -52,7 +52,8 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
     """Return which frames show the same picture as the frame before, their share and their rhythm.
 
     changes (frames,): how much each frame differs from the one before, grey levels; changes[0] is
-    NaN. The rate is NaN, and no frame counts as a repeat, if the repeats follow no regular rhythm.
+    NaN. Repeats of no regular rhythm, or fewer than eight, count only for the share: no frame is a
+    repeat, and the rate is NaN.
     """
     decidable, doubled = _find_doubled(changes)
     share = float(doubled[decidable].mean()) if decidable.any() else 0.0
@@ -62,7 +63,8 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
     rate, pictures, repeats = _find_cadence(decidable, doubled)
     if np.mean(repeats[decidable] == doubled[decidable]) < _AGREE:
         return RepeatedFrames(share, float("nan"), *all_new)
-    repeats = np.where(decidable, doubled, repeats)  # the cadence may be off by a frame
+    # The cadence may be off by a frame, so where enough moves, what was seen decides.
+    repeats = np.where(decidable, doubled, repeats)
     repeats[0] = False
     return RepeatedFrames(share, rate, pictures - pictures[0], repeats)
 
@@ -122,7 +124,7 @@ def _frames_on_beat(number: Ints, rate: float, phase: float) -> Mask:
 
 
 def _find_rhythm(decidable: Mask, rare: Mask) -> tuple[float, float]:
-    """Return the rate, beats per frame, with which rare frames come, and about its phase, in beats.
+    """Return the rate of rare frames [beats per frame] and, roughly, their phase [beats].
 
     The rate is the peak of a spectrum. decidable, rare: masks (frames,).
     """
@@ -143,12 +145,12 @@ def _find_rhythm(decidable: Mask, rare: Mask) -> tuple[float, float]:
 def _refine_phase(decidable: Mask, rare: Mask, rate: float, phase: float) -> float:
     """Return the phase, in beats, that agrees with most frames; of equally good ones the middle.
 
-    Tried are those up to `rate` above `phase`, a frame's share of a beat. decidable, rare: masks
-    (frames,).
+    Phases from `phase` to `phase + rate`, as much as passes in a frame, are tried. rate: beats per
+    frame; decidable, rare: masks (frames,).
     """
     number = np.arange(len(decidable))
-    tries = [phase + rate * share for share in np.linspace(0, 1, _PHASES)]
-    on_beat = (_frames_on_beat(number, rate, offset) for offset in tries)
+    phases = [phase + rate * share for share in np.linspace(0, 1, _PHASES)]
+    on_beat = (_frames_on_beat(number, rate, tried) for tried in phases)
     agreement = np.array([np.mean(mask[decidable] == rare[decidable]) for mask in on_beat])
     best = np.flatnonzero(agreement == agreement.max())
-    return tries[best[len(best) // 2]]
+    return phases[best[len(best) // 2]]

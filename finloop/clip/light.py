@@ -71,7 +71,7 @@ class LightMeasures(NamedTuple):
 
 
 def smooth_light(brightness: Floats, rate_hz: float) -> Floats:
-    """Return the slow part of the brightness (frames,): its mean over three seconds around each."""
+    """Return the brightness (frames,) averaged over three seconds around each frame."""
     half_window = min(round(_SLOW_S * rate_hz / 2), (len(brightness) - 1) // 2)
     padded = np.pad(brightness, half_window, mode="reflect") if half_window else brightness
     width = 2 * half_window + 1

@@ -67,7 +67,7 @@ _PICTURE_REPAIRS, _VIEW_REPAIRS = {"deinterlace", "undouble"}, {"even_light", "s
 
 @dataclass(frozen=True)
 class ClipResult:
-    """The facts about a written clip, the tally of its frames, its arena (h, w), its quality."""
+    """A written clip: facts, the tally of its frames, its arena (h, w), and its quality."""
 
     facts: VideoFacts
     tally: ClipTally
@@ -176,7 +176,7 @@ def make_clip(
 
 
 def _is_retimed(facts: VideoFacts) -> bool:
-    """Return whether frame k of a clip may differ from frame k of the film."""
+    """Return whether frame k of a clip may show another moment than frame k of the film."""
     retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
     return bool(retimed) or len(facts.segments) > 1
 
@@ -218,7 +218,7 @@ def _repair_clip(
 
 
 def _add_repairs(reading: _Reading, todo: set[str], before: ClipResult, tank: Picture) -> _Reading:
-    """Return how the film is read if repairs are added, as its clip so far needs them.
+    """Return how the film is read with more repairs, set to what was measured in its clip so far.
 
     todo: the repairs, of `REPAIRED_BY`; before, tank: the clip so far and its empty tank.
     """
@@ -287,14 +287,14 @@ def _drop_repeats(
 ) -> NumberedFrames:
     """Yield time and frame of those frames that do not repeat the one before.
 
-    Picture k of the film is shown at k / rate_hz seconds. Frames beyond those of `repeated` are
-    left out.
+    The k-th picture of the film, from 0, is shown at k / rate_hz seconds. Frames beyond those of
+    `repeated` are left out.
     """
-    for (_, frame), picture, repeats in zip(
+    for (_, frame), picture_number, is_repeat in zip(
         frames, repeated.pictures, repeated.repeats, strict=False
     ):
-        if not repeats:
-            yield float(picture) / rate_hz, frame
+        if not is_repeat:
+            yield float(picture_number) / rate_hz, frame
 
 
 def _reopen_film(p: FootageSettings, reading: _Reading) -> ClipSource:
@@ -324,7 +324,8 @@ def _simplest_fraction(rate: float, frames: int) -> Fraction:
 
 def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:
     """Measure a clip's light, camera and coding; write and return its quality and empty tank."""
-    read = partial(read_chosen_frames, folder / CLIP_NAME, threads=1)  # more decode on in vain
+    # More threads would decode frames that are not read.
+    read = partial(read_chosen_frames, folder / CLIP_NAME, threads=1)
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)
     if facts.coding_quantiser is not None:
         quality = replace(quality, coding_quantiser=facts.coding_quantiser)

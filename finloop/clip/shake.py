@@ -55,7 +55,7 @@ class _Fit(NamedTuple):
     """How well a frame's grey levels fit those of the tank, after a shift that is a guess."""
 
     # (4,) gain × (guess − shift) to the right and down, the gain of the light, and an added level
-    step: Floats
+    coefficients: Floats
     residual: Floats  # (marks,) grey levels left over
     weight: Floats  # (marks,) less where the residual is large, 0 on animals
     sigma: float  # usual residual, grey levels
@@ -123,8 +123,9 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
     weight = tank.trust
     for _ in range(_ROUNDS):
         fit = _fit_robustly(design, _sample_marks(smooth, tank, place), tank.trust, weight)
-        gain, weight = max(0.2, fit.step[2]), fit.weight
-        move = np.clip(-fit.step[:2] / gain, -1.5, 1.5)  # px; far from it the slopes mislead
+        gain, weight = max(0.2, fit.coefficients[2]), fit.weight
+        # Far from the shift the slopes mislead, so a step is at most 1.5 px.
+        move = np.clip(-fit.coefficients[:2] / gain, -1.5, 1.5)
         place = place + move
         if np.hypot(*move) < _STILL:
             break
@@ -134,16 +135,16 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
 def _fit_robustly(design: Floats, level: Floats, trust: Floats, weight: Floats) -> _Fit:
     """Return a least-squares fit of grey levels (marks,) by the columns of design (marks, 4).
 
-    trust (marks,): of each mark, by which Tukey's biweight of its residual is multiplied; weight
-    (marks,): to begin with.
+    A mark's weight is its trust (marks,) times Tukey's biweight of its residual, which leaves out
+    animals. weight (marks,): the weights to begin with.
     """
     for _ in range(2):  # the weights depend on the fit
         gram = (design * weight[:, None]).T @ design + 1e-9 * np.eye(4)
-        step = np.asarray(np.linalg.solve(gram, design.T @ (weight * level)), float)
-        residual = level - design @ step
+        coefficients = np.asarray(np.linalg.solve(gram, design.T @ (weight * level)), float)
+        residual = level - design @ coefficients
         sigma = max(0.3, 1.4826 * float(np.median(np.abs(residual))))
         weight = trust * np.maximum(0.0, 1 - (residual / (_TUKEY * sigma)) ** 2) ** 2
-    return _Fit(step, residual, weight, sigma)
+    return _Fit(coefficients, residual, weight, sigma)
 
 
 def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
@@ -189,19 +190,21 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
 def _judge_shift(shift_px: Floats, fit: _Fit, tank: Landmarks) -> Shift:
     """Return a shift with its `apart`; `UNKNOWN` if too few tiles of the picture support it.
 
-    `apart` is how far the shifts of single tiles are from the whole [px]. shift_px: (2,); fit: of
-    the frame after that shift; tank: its landmarks.
+    `apart` is the median distance [px] of the tiles' own shifts from the whole picture's, to the
+    right or down, whichever is larger. shift_px: (2,); fit: of the frame after that shift; tank:
+    its landmarks.
     """
     apart = []
     for slope in (tank.slope_right, tank.slope_down):
-        # Per tile: information (inverse variance × sigma²), and the sum that it moves the fit by.
+        # By tile, as in least squares: push / information is how far its marks alone would move the
+        # shift, and sigma² / information the variance of that.
         information = np.bincount(tank.tile, fit.weight * slope**2, _TILES**2)
         push = np.bincount(tank.tile, fit.weight * slope * fit.residual, _TILES**2)
         # Without the tiles that know most, the standard deviation shall be at most `_SURE`.
         without_best = np.sort(information)[: round((1 - _BEST) * len(information))].sum()
         if without_best * _SURE**2 < fit.sigma**2:
             return UNKNOWN
-        # How far single tiles would move the shift, where they know it to 2 `_SURE`.
+        # Only tiles with a standard deviation below 2 `_SURE` count for `apart`.
         certain = information * (2 * _SURE) ** 2 > fit.sigma**2
         if certain.any():
             apart.append(float(np.median(np.abs(push[certain] / information[certain]))))

@@ -53,13 +53,12 @@ def trace_backbone(
 
     mask: (h, w), the silhouette. field: (h, w), the difference from the empty tank, from which
     sides and tips are read at sub-pixel precision. points: number of backbone points. floor: grey
-    levels, lower values are noise. limbs: whether the animal has limbs. They are cut off, and the
-    backbone is smoothed more, so that their stumps do not bend it.
+    level below which differences are noise. limbs: whether the animal has limbs. They are cut off,
+    and the backbone is smoothed more, so that their stumps do not bend it.
     """
     if limbs:
         mask = cut_limbs(mask)[0]
-        near = cv2.dilate(mask.view(np.uint8), np.ones((3, 3), np.uint8))
-        field = field * near  # 0 on the limbs
+        field = field * cv2.dilate(mask.view(np.uint8), np.ones((3, 3), np.uint8))  # 0 on the limbs
     whole, filled = close_notches(mask, field)
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3)
@@ -68,8 +67,9 @@ def trace_backbone(
         return None
     smoothing = _SMOOTHING
     if limbs:
-        # Only waves longer than some body widths shall pass: a stout body bends less sharply than
-        # a slender one. A penalty of third derivatives grows with the sixth power of the width.
+        # A stout body bends less sharply than a slender one, so the shortest wave that passes shall
+        # be proportional to the width. The penalty on the squared third derivative of a wave is
+        # proportional to 1 / wavelength⁶, so its weight must grow with the width's sixth power.
         length = np.hypot(*np.diff(path, axis=0).T).sum()
         smoothing *= float(half_width.max() / length / _SLENDER) ** 6
     smooth = smoothing_matrix(points, smoothing)
@@ -77,40 +77,37 @@ def trace_backbone(
 
 
 def cut_limbs(mask: Mask) -> tuple[Mask, int]:
-    """Return a silhouette (h, w) without its limbs, and how many it has.
+    """Return a silhouette (h, w) without its limbs, and how many limbs it has.
 
-    Limbs are legs, antennae, and fins on a stalk. They are thin: they vanish when the silhouette is
-    opened with a disc of half the largest half width. And they are thin from where they begin: half
-    a radius outside what remains, they are narrower than half the disc. So a tail that tapers is no
-    limb. A thin part that joins two pieces of the body is a waist, no limb. Rounded corners vanish,
-    too, but are not counted.
+    Limbs are legs, antennae, and fins on a stalk. The silhouette is opened with a disc whose radius
+    is half the largest half width: the body remains, thin parts vanish. A thin part is a limb if it
+    is narrower than half the disc wherever it is more than half a radius away from the body. A tail
+    is wider there, because it tapers. A part that joins two pieces of the body is a waist, no limb.
+    Rounded corners of the body vanish, too; they are cut off, but are not counted.
     """
     picture = mask.view(np.uint8)
     distance = cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
     half_width = distance - 0.5  # from the middle of a pixel to the edge of the last
-    # Parts of the silhouette that the opening removes; the body remains.
     radius = int(_THICK * half_width.max() + 0.5)
-    rim, nearby = radius + 1, _disc(1)
-    opened = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_OPEN, _disc(radius))
-    opened = opened[rim:-rim, rim:-rim]
+    body = open_picture(picture, radius)
     # The largest half width of each part, half a radius outside the body; 0 for a rounded corner.
-    apart = picture & (1 - cv2.dilate(opened, _disc(radius // 2)))
-    count, part = cv2.connectedComponents(picture & (1 - opened))
-    widest = np.zeros(count)
-    np.maximum.at(widest, part, half_width * apart)
+    away_from_body = picture & (1 - cv2.dilate(body, disc(radius // 2)))
+    part_count, part = cv2.connectedComponents(picture & (1 - body))  # 0: the rest of the picture
+    widest = np.zeros(part_count)
+    np.maximum.at(widest, part, half_width * away_from_body)
     is_limb = widest < _TAPER * (radius + 0.5)
-    is_limb[0] = False  # the rest of the picture
-    pieces, piece = cv2.connectedComponents(opened)
-    if pieces > 2:  # two pieces of body, and the rest of the picture: a thin part may be a waist
+    is_limb[0] = False
+    piece = cv2.connectedComponents(body)[1]  # 0: the rest of the picture
+    if piece.max() > 1:  # several pieces of body: a thin part may be a waist
         for limb in np.flatnonzero(is_limb):
-            touched = piece[cv2.dilate((part == limb).view(np.uint8), nearby) > 0]
+            touched = piece[cv2.dilate((part == limb).view(np.uint8), disc(1)) > 0]
             is_limb[limb] = np.unique(touched[touched > 0]).size < 2
-    _, piece, stats, _ = cv2.connectedComponentsWithStats(picture * ~is_limb[part])
-    trunk = piece == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()  # the largest piece that is left
-    return trunk, int((is_limb & (widest > 0)).sum())
+    _, rest, stats, _ = cv2.connectedComponentsWithStats(picture * ~is_limb[part])
+    largest_rest = rest == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
+    return largest_rest, int((is_limb & (widest > 0)).sum())
 
 
-def _disc(radius: int) -> Picture:
+def disc(radius: int) -> Picture:
     """Return a disc as a picture of 0 and 1, 2 · radius + 1 px wide."""
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
 
@@ -125,14 +122,20 @@ def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
     """
     picture = mask.view(np.uint8)
     widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
-    radius = int(_NOTCH * widest + 0.5)
-    disc = _disc(radius)
-    closed = _close_gaps(picture, disc)
+    notch_disc = disc(int(_NOTCH * widest + 0.5))
+    closed = _close_gaps(picture, notch_disc)
     contour_tree = cv2.findContours(closed, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
     if contour_tree is not None and (contour_tree[0, :, 3] >= 0).any():  # a parent, so it is a hole
         return mask, field
     inside = np.where(closed, field, 0)  # beside it there may be another fish
-    return closed.view(bool), np.maximum(_close_gaps(inside, disc) * closed, field)
+    return closed.view(bool), np.maximum(_close_gaps(inside, notch_disc) * closed, field)
+
+
+def open_picture(picture: Picture, radius: int) -> Picture:
+    """Return a picture (h, w) without bright parts narrower than a disc; beyond its edges is 0."""
+    rim = radius + 1
+    opened = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_OPEN, disc(radius))
+    return opened[rim:-rim, rim:-rim]
 
 
 def _close_gaps(picture: Picture, kernel_disc: Picture) -> Picture:
@@ -182,8 +185,8 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
         for x in range(width):
             if number[y, x] >= 0:
                 xs[number[y, x]], ys[number[y, x]] = x, y
-    # One pixel of the piece with the most pixels. It is no pixel yet: a number that is none; as a
-    # literal, −1 would have another type, and `_measure_paths_from` would be compiled for it, too.
+    # Find a pixel of the piece with the most pixels. `best_start` begins with a number that no
+    # pixel has; for a literal, of another type, `_measure_paths_from` would be compiled again.
     visited = np.zeros(count, np.bool_)
     best_start, best_size = xs.size, 0
     for start in range(count):
@@ -327,7 +330,10 @@ def resample_line(xy: Floats, points: int) -> Floats:
 
 @kernel
 def _share_past_crossing(level_before, level_after, crossing_level):  # type: ignore[no-untyped-def]
-    """Return which share (0 … 1) of a step lies past the point where it crosses a grey level."""
+    """Return the share (0 … 1) of a step that lies past the point where it falls below a level.
+
+    It is 1 if the level before the step is no higher. All levels are grey levels.
+    """
     return (
         1.0
         if level_before <= crossing_level
@@ -340,9 +346,9 @@ def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
     """Extend a line straight beyond its first end; return the point x, y where it leaves the fish.
 
     field: (h, w), the difference from the empty tank; xy: (n, 2) px; width: (n,) px, half widths;
-    floor: grey levels, lower values are noise. The fish ends where the field falls below half of
-    its mean inside. The direction is that of the line `_DEPTH` half widths from the end: nearer to
-    a blunt end it is uncertain.
+    floor: grey level below which differences are noise. The fish ends where the field falls below
+    half of its mean inside. The direction is that of the line `_DEPTH` half widths from the end:
+    nearer to a blunt end it is uncertain.
     """
     step = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1])
     # The direction: from a point `_DEPTH` half widths inside to one about halfway to the end.
@@ -483,9 +489,9 @@ def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-de
 
     fields: two difference images (h, w) from the empty tank: unchanged, for the sides, and without
     notches, for the tips; path: (m, 2) px; smooth: matrix (n, n) that smooths the n points; floor:
-    grey levels, lower values are noise. The path is extended to the outline, centred between the
-    sides, smoothed and resampled, three times. Points (n, 2), half widths (n,) and length are in
-    px.
+    grey level below which differences are noise. The path is extended to the outline, centred
+    between the sides, smoothed and resampled, three times. Points (n, 2), half widths (n,) and
+    length are in px.
     """
     (field, filled), points = fields, len(smooth)
     xy = smooth @ resample_line(path, points)

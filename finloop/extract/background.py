@@ -88,7 +88,7 @@ def relative_brightness(frame: Picture, background: Picture) -> float:
 
 
 def match_scene_to_light(scene: Scene, frame: Picture) -> Scene:
-    """Return a scene whose background is made as bright as a frame; the scene itself if it is."""
+    """Return a scene with a background as bright as a frame; the scene itself if it already is."""
     gain = scene.light_meter.measure(frame)
     if gain == 1.0:
         return scene
@@ -187,7 +187,7 @@ def background_without_ghosts(frames: Sequence[Picture], median: Picture, least:
 
 
 def _smooth_difference(picture: Picture, other: Picture) -> Picture:
-    """Return the smoothed difference (h, w) of two pictures, of RGB that of the largest channel."""
+    """Return the smoothed absolute difference (h, w) of two pictures; of RGB the largest one."""
     change = cv2.absdiff(picture, other)
     grey = change if change.ndim == 2 else change.max(axis=-1)
     return np.asarray(cv2.GaussianBlur(grey, (5, 5), 1.5))

@@ -161,8 +161,9 @@ def detect_in_clip(
         frames = clip.read(start=0, stop=clip.frames)
         adapted = add_learnt_backgrounds(frames, scene, clip.rate_hz)
         return (detector(frame, frame_scene) for frame, frame_scene in adapted)
-    length = min(_STRETCH, max(1, clip.frames // (4 * workers.count)))
-    length = max(1, length // clip.stride) * clip.stride
+    # About four stretches or more for each worker, each a whole number of strides long.
+    wanted_length = min(_STRETCH, clip.frames // (4 * workers.count))
+    length = max(1, wanted_length // clip.stride) * clip.stride
     starts = range(0, clip.frames, length)
     spans = [(start, min(start + length, clip.frames)) for start in starts]
     work = partial(_load_or_detect, clip, scene, detector)
@@ -225,9 +226,9 @@ def link_tracks(
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
     """Link the fish of successive frames to tracks; yield for each frame verdicts and tracked fish.
 
-    Verdicts of its silhouettes are counted. A fish is yielded when its track has `min_track_frames`
-    frames, together with all earlier fish of the track, so they may be of earlier frames; fish of
-    shorter tracks never are. cuts: numbers of frames before which the film is cut, and tracks end.
+    Verdicts of its silhouettes are counted. Fish wait until their track has `min_track_frames`
+    frames; then all are yielded with the present frame. Fish of shorter tracks never are. cuts:
+    numbers of frames before which the film is cut, and tracks end.
     """
     linker = TrackLinker(
         settings.max_link_distance_bl * typical.length_px, settings.step_area_ratio
@@ -260,21 +261,17 @@ def _silhouette_place(
     fish: the measures of the silhouette, None if it is no isolated fish; with_outline: whether to
     add the pixels of its edge.
     """
-    h, w = silhouette.mask.shape
-    x0, y0 = silhouette.x0, silhouette.y0
-    box = (x0, y0, x0 + w, y0 + h)
+    (h, w), x0, y0 = silhouette.mask.shape, silhouette.x0, silhouette.y0
+    x, y = (fish.x_px, fish.y_px) if fish else (x0 + w / 2, y0 + h / 2)
     outline = edge_pixels(silhouette) if with_outline else None
-    if fish is None:
-        x, y = x0 + w / 2, y0 + h / 2
-        return SilhouettePlace(x, y, silhouette.area_px, box, isolated=False, outline=outline)
-    x, y = fish.x_px, fish.y_px
-    return SilhouettePlace(x, y, silhouette.area_px, box, isolated=True, outline=outline)
+    box, isolated = (x0, y0, x0 + w, y0 + h), fish is not None
+    return SilhouettePlace(x, y, silhouette.area_px, box, isolated, outline)
 
 
 def batch_fish(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
-    """Collect tracked fish to lists of at least 512, faster to write; the last may be shorter.
+    """Join lists of fish to lists of at least 512, which are faster to write, and yield these.
 
-    fish: lists of any length.
+    The last may be shorter, or empty.
     """
     batch: list[TrackedFish] = []
     for listed in fish:

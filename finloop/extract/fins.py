@@ -143,9 +143,9 @@ def classify_pale_pixels(sides: Iterable[PaleSide | None]) -> Kind:
     """Decide whether the pale pixels around the fish of a film are fins, shadows or gloom.
 
     sides: of each fish, None where it has next to none. A shadow is always on the same side of the
-    picture, fins on the same side of the fish, gloom (dimmed floor) all around. If both sides are
-    equally constant, they are no shadow, for all fish may head the same way. Without pale pixels
-    the result is `fins`.
+    picture, fins on the same side of the fish, gloom (dimmed floor) all around. If all fish head
+    the same way, both sides are equally constant, and no shadow is assumed. Without pale pixels the
+    result is `fins`.
     """
     known = [side for side in sides if side is not None]
     if not known:

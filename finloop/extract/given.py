@@ -52,7 +52,7 @@ class ExternalTracks:
 
     names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
     where a point is missing; head, tail: (rows, 2) px, NaN where missing; start, stop: (frames of
-    the clip,) rows start … stop − 1 belong to a frame; film: that was tracked.
+    the clip,) rows start … stop − 1 belong to a frame; film: size of the one that was tracked.
     """
 
     names: tuple[str, ...]
@@ -106,7 +106,7 @@ def map_poses_to_clip(
     tail = find_keypoint(
         poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint"
     )
-    confident = ~(poses.confidence < p.tracks_least_confidence)  # NaN: unknown
+    confident = ~(poses.confidence < p.tracks_least_confidence)  # also where it is unknown, NaN
     points = np.where(confident[..., None], poses.places * p.tracks_px_per_unit, np.nan)
     is_known: Mask = np.all(np.isfinite(points), axis=2)
     has_points = np.any(is_known, axis=1)
@@ -136,13 +136,14 @@ def map_poses_to_clip(
 def find_keypoint(
     keypoints: Sequence[str], name: str, common_names: Sequence[str], parameter: str
 ) -> str | None:
-    """Return the keypoint that a parameter names; for `auto` the first one that has a common name.
+    """Return the keypoint that a parameter names; for `auto` the one with the best common name.
 
     name: the parameter's value; the result is None for `none`, and if `auto` finds nothing.
-    common_names: such as "nose", in small letters only, the best first. FinloopError if a named
-    keypoint does not exist; parameter: its name, for the message.
+    common_names: such as "nose", the best first, only letters a … z; signs and capitals of
+    keypoints are ignored. FinloopError if a named keypoint does not exist; parameter: its name, for
+    the message.
     """
-    if name == "auto":
+    if name == "auto":  # of keypoints with the same letters the first remains
         by_letters = {re.sub(r"[^a-z]", "", key.lower()): key for key in reversed(keypoints)}
         return next((by_letters[word] for word in common_names if word in by_letters), None)
     if name == "none" or name in keypoints:
@@ -210,8 +211,9 @@ def _silhouette_distances(
 ) -> Floats:
     """Return the distances (animals, silhouettes) [px] between animals and silhouettes of a frame.
 
-    A distance is the mean of an animal's points, 0 for points inside the silhouette. points:
-    (animals, k, 2) px, NaN where missing. Distances clearly beyond `most_px` are infinite.
+    A distance is the mean over an animal's points, 0 for points inside the silhouette. It is
+    infinite where even the silhouette's box is farther than `most_px`. points: (animals, k, 2) px,
+    NaN where missing.
     """
     result = np.full((len(points), len(silhouettes)), np.inf)
     for j, spot in enumerate(silhouettes):
@@ -231,10 +233,11 @@ def match_silhouettes(
 ) -> list[tuple[Outcome, int | None]]:
     """Return for each tracked animal of a frame an outcome, and the number of its silhouette.
 
-    points: (animals, k, 2) px, where the animals are; length_px: a body length. An animal within a
-    silhouette takes the nearest; another one the nearest that no animal is within. The number is
-    None ("no silhouette") if none is within a body length. Outcomes: "used", "not isolated" from
-    other fish, "shared" by several animals, "no silhouette".
+    points: (animals, k, 2) px, where the animals are; length_px: a body length. An animal is within
+    a silhouette that is at most 0.1 body lengths from its points, and takes the nearest of these.
+    Every other animal takes the nearest silhouette that no animal is within, up to a body length
+    away; its number is None if there is none. Outcomes: "used", "not isolated" from other fish,
+    "shared" by several animals, "no silhouette".
     """
     if not len(points) or not silhouettes:
         return [("no silhouette", None)] * len(points)

@@ -43,10 +43,7 @@ class FishScaling(NamedTuple):
 
 
 class FilmContribution(NamedTuple):
-    """How many rows and tracks one of several films adds, and how its fish are scaled.
-
-    like: the scaling, which makes them as long and as bright as those of the first film.
-    """
+    """How many rows and tracks one of several films adds, and how its fish are scaled (`like`)."""
 
     name: str
     rows: int
@@ -57,8 +54,8 @@ class FilmContribution(NamedTuple):
 class _FilmTracks(NamedTuple):
     """The tracks of one of several films.
 
-    table: its rows at the common rate; rows (k,): their numbers in the film's own table and
-    cut-outs; home: its folder.
+    table: its rows at the common rate, with the joint clip's frame numbers; rows (k,): their
+    numbers in the film's own table and cut-outs; home: its folder.
     """
 
     part: FilmPart
@@ -70,7 +67,7 @@ class _FilmTracks(NamedTuple):
 
 
 def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[FilmContribution]:
-    """Join tracks and cut-outs of several films in the first film's tank; return each one's share.
+    """Join tracks and cut-outs of several films in the first film's tank; return what each adds.
 
     clip, folder: what `clip` and `extract` have written, with a folder for each film in `films`;
     the joint files are written to `folder` itself. A film whose tracks are all shorter than a frame
@@ -216,7 +213,7 @@ def _drop_colour(pixels: Picture) -> Picture:
 
 
 def match_cutout(cutout: Cutout, scaling: FishScaling) -> Cutout:
-    """Return a cut-out of the first film's size and light; its place is scaled about (0, 0)."""
+    """Return a film's cut-out with the first film's size and light; its place is scaled, too."""
     pixels = _drop_colour(cutout.pixels) if scaling.grey else cutout.pixels
     if scaling.gains:
         colours = pixels[..., :-1] * np.array(scaling.gains)

@@ -71,9 +71,10 @@ def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> E
 
 
 def make_pixels_square(poses: Poses, facts: VideoFacts) -> Poses:
-    """Return poses, in px of the film's file, in px of the clip, whose pixels are square.
+    """Convert poses from px of the film's file, which may be oblong, to square px of the clip.
 
-    Tracking programs do not make them square. facts: about the clip.
+    facts: about the clip, which may be turned: then the file's pixels are as high as they were
+    wide.
     """
     aspect = float(facts.pixel_aspect)
     wide, high = max(aspect, 1.0), max(1 / aspect, 1.0)
@@ -84,7 +85,7 @@ def make_pixels_square(poses: Poses, facts: VideoFacts) -> Poses:
 def check_external_tracks(
     given: ExternalTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
 ) -> SilhouetteFit:
-    """Return how well tracks agree with silhouettes in sample frames of the clip they belong to.
+    """Return how well tracks agree with silhouettes in sample frames of the clip they must fit.
 
     clip: its folder; facts: about it. FinloopError if so few places agree that the tracks must be
     of another film.

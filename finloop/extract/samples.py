@@ -91,7 +91,7 @@ class _BackgroundTrial(NamedTuple):
     """What was measured with one background: scene, typical fish, and how much fish vary in area.
 
     area_spread: half the width of the middle 68 % of the fish's areas, relative to the median;
-    infinite for fewer than one fish in two frames.
+    infinite if there are fewer fish than half the frames.
     """
 
     scene: Scene
@@ -109,8 +109,8 @@ def measure_scene_and_fish(
 
     sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside. With background `auto`, other
     backgrounds than the median are tried: a fish that hardly moved leaves a ghost in the median.
-    The one on which fish clearly vary least in area is taken. FinloopError if no background shows
-    an isolated fish.
+    Another one is taken if fish vary clearly less in area on it, or none is found on the median.
+    FinloopError if no background shows an isolated fish.
     """
     measure = partial(_measure_with_background, sample_frames, arena, settings, workers)
     if settings.background == "threshold":
@@ -147,7 +147,7 @@ def _measure_with_background(
 ) -> _BackgroundTrial:
     """Return the scene, a typical fish and how much fish vary in area, against a given background.
 
-    The last is infinite if fewer than every second frame shows a fish. Setting `thin` "auto": thin
+    The last is infinite if there are fewer fish than half the frames. Setting `thin` "auto": thin
     parts belong to fish if this makes their lengths clearly more alike.
     sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside; background: (h, w[, 3]).
     FinloopError if no silhouette can be an isolated fish.
@@ -201,9 +201,9 @@ def find_typical_fish(
     """Return the typical fish among silhouettes of sample frames, and the spread of fish's lengths.
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt and
-    bubbles count little; length and contrast are the medians of the silhouettes of about that area,
-    and edge_px is the median width of their outlines' edges. It has limbs if most of these have
-    more than one, as a thin tail looks like one. The spread is half the width of the middle 68 % of
+    bubbles count little. All else is of the silhouettes with about that area: length, contrast and
+    edge_px are medians; it has limbs if the median number is above one, for a thin tail looks like
+    one. The spread is half the width of the middle 68 % of
     lengths, relative to the median. FinloopError if no silhouette can be an isolated fish.
     """
     away_from_border = sorted(
@@ -213,7 +213,7 @@ def find_typical_fish(
         raise _no_fish_error(silhouettes, scene, settings)
     weight = np.cumsum([s.area_px * s.contrast for s in away_from_border])
     area = away_from_border[int(np.searchsorted(weight, 0.5 * weight[-1]))].area_px
-    # Of about that area; 200 are enough for medians.
+    # 200 are enough for medians.
     similar = [s for s in away_from_border if 0.7 * area <= s.area_px <= 1.4 * area][:200]
     to_count = similar[:: 1 + len(similar) // _COUNTED]
     limbs = bool(np.median([cut_limbs(s.mask)[1] for s in to_count]) > _LIKE_LIMBS)
@@ -235,16 +235,17 @@ def _choose_fins(
 ) -> Fins:
     """Return which pale pixels beside the bodies belong to the fish: all, the brighter or none.
 
-    setting: "auto" classifies them. Fins count. Of a shadow, which is darker than the tank, pixels
-    brighter than the tank still count if the fish's polarity is "both". Gloom, the floor dimmed all
-    around an animal, does not count. traced: silhouettes with their backbones.
+    setting: "keep" gives "all", "drop" gives "none", "auto" classifies the pixels. Fins give "all".
+    A shadow gives "none", but "brighter" if the fish's polarity is "both": pixels brighter than the
+    tank are no shadow. Gloom, the floor dimmed all around an animal, gives "none".
+    traced: silhouettes with their backbones.
     """
     if setting != "auto":
         return "all" if setting == "keep" else "none"
     kind = classify_pale_pixels(
-        find_pale_side(s.mask, (s.x0, s.y0), line, s.fins)
+        find_pale_side(s.mask, (s.x0, s.y0), line, s.pale)
         for s, line in traced
-        if s.fins is not None
+        if s.pale is not None
     )
     if kind == "fins":
         return "all"
@@ -252,10 +253,10 @@ def _choose_fins(
 
 
 def measure_edge_width(silhouette: Silhouette) -> float:
-    """Return how wide the outline of a silhouette is [px]: its contrast over the steepest slope.
+    """Return how wide the outline of a silhouette is [px]: its contrast divided by its slope.
 
-    The slope is that of the difference image, where it is half of the contrast, and the upper
-    quartile along the outline: skin marks and pale fins are less steep.
+    The slope [grey levels / px] of the difference image is measured where that falls to half of the
+    contrast. Its upper quartile along the outline counts: skin marks and pale fins are less steep.
     """
     field, half = silhouette.field.astype(np.float32), silhouette.contrast / 2
     inside = ((field > half) & silhouette.mask).astype(np.uint8)

@@ -22,6 +22,7 @@ from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
 from finloop.extract.backbone import (
     Backbone,
+    open_picture,
     pad_picture,
     quantile_above,
     refine_outline,
@@ -45,7 +46,7 @@ class Silhouette:
 
     x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) uint8, the
     difference image. contrast: of the fish to the tank, grey levels. area_px: pixels of the mask.
-    at_border: it touches the edge of the picture or of the arena. fins: pixels around it that
+    at_border: it touches the edge of the picture or of the arena. pale: pixels around it that
     differ less from the tank, and may be fins; None where they are not searched.
     """
 
@@ -56,7 +57,7 @@ class Silhouette:
     contrast: float
     area_px: float
     at_border: bool
-    fins: PalePixels | None = None
+    pale: PalePixels | None = None
 
 
 @dataclass(frozen=True)
@@ -96,10 +97,11 @@ class SilhouetteEdge(NamedTuple):
 def find_silhouettes(
     frame: Picture, scene: Scene, arena: Picture, least_area_px: float, edge_rule: SilhouetteEdge
 ) -> Iterator[Silhouette]:
-    """Yield the large enough silhouettes in each patch of a frame that differs from the background.
+    """Yield the silhouettes of a frame that are at least `least_area_px` [px²] large.
 
-    scene: its background brought to the frame's brightness (`match_scene_to_light`); arena: (h, w)
-    uint8, 255 inside; least_area_px: px²; edge_rule: which pixels belong to a silhouette.
+    They are searched in each connected patch of pixels that differ from the background.
+    scene: its background is as bright as the frame (`match_scene_to_light`); arena: (h, w) uint8,
+    255 inside; edge_rule: which pixels belong to a silhouette.
     """
     change = difference_image(frame, scene)
     height, width = change.shape
@@ -131,7 +133,7 @@ def find_silhouettes(
 def _may_show_fin(film: Picture, tank: Picture, fins: Fins) -> Mask:
     """Return a mask (h, w) of the pixels that a fin can have: all, or those darker or brighter.
 
-    film, tank: (h, w[, 3]), with and without the fish.
+    film, tank: (h, w[, 3]), with and without the fish; equally bright pixels count as brighter.
     """
     if fins == "all":
         return np.ones(film.shape[:2], bool)
@@ -169,9 +171,7 @@ def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> P
     pale = cv2.threshold(change, least_level, 1, cv2.THRESH_BINARY)[1] | body
     half_width = float(cv2.distanceTransform(pad_picture(body, 1), cv2.DIST_L2, 3).max())
     radius = max(1, int(_THIN * half_width + 0.5))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    rim = 2 * radius + 2
-    wide = cv2.morphologyEx(pad_picture(pale, rim), cv2.MORPH_OPEN, disc)[rim:-rim, rim:-rim]
+    wide = open_picture(pale, radius)
     body_and_thin = body | (pale & (1 - wide))
     _, number = cv2.connectedComponents(body_and_thin)
     touches_body = np.isin(number, number[body.view(bool)])
@@ -201,13 +201,14 @@ def _add_dark_skin(
 def _find_patch_edges(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
     """Yield the edges of the connected patches that exceed a level, from the bottom to the top.
 
-    change: (h, w), the difference from the empty tank; outside of the arena (255 inside) it is set
-    to 0 near such patches. level: grey levels. Edges are in px of the picture.
+    change: (h, w), the difference from the empty tank; in the rows that are searched, it is set to
+    0 outside of the arena. arena: (h, w), 255 inside; level: grey level. Edges are in px of the
+    picture.
     """
     rows = np.flatnonzero(change.max(axis=1) > level)
     if not len(rows):
         return
-    # Only runs of rows with such pixels are searched.
+    # Searching only the runs of rows that have such pixels is faster.
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > 2 * _PAD) + 1)[::-1]:
         top, bottom = max(run[0] - _PAD, 0), run[-1] + 1 + _PAD
         part = change[top:bottom]
@@ -223,7 +224,7 @@ def _silhouette_inside_edge(
 ) -> Silhouette:
     """Return the silhouette that a closed edge encloses, with its holes filled.
 
-    It is at the border if it is near the edge of the picture or a pixel outside the arena.
+    It is at the border within a pixel of the picture's edge, or two pixels of the arena's.
     edge: px of the patch; patch: part of the difference image; corner: x, y of the patch in the
     picture; contrast: of the patch, grey levels; arena: of the whole picture, uint8, 255 inside.
     """
@@ -266,13 +267,14 @@ def _assign_pale_pixels(
     for part, edge in parts:
         column, row = edge[0, 0]  # a pixel of the silhouette itself
         nearest_pale = pale if len(parts) == 1 else pale & (nearest == nearest[row, column])
+        # The silhouette's box in the patch, and the window that is larger by `reach` on all sides.
         x, y, (h, w) = part.x0 - left, part.y0 - top, part.mask.shape
         reach = int(_REACH * np.hypot(h, w))
         x0, y0 = max(x - reach, 0), max(y - reach, 0)
         window = np.s_[y0 : y + h + reach, x0 : x + w + reach]
-        mask = nearest_pale[window].copy()  # without the silhouette
+        mask = nearest_pale[window].copy()
         mask[y - y0 : y - y0 + h, x - x0 : x - x0 + w] &= ~part.mask
-        yield replace(part, fins=PalePixels(x0 + left, y0 + top, mask, patch[window].copy()))
+        yield replace(part, pale=PalePixels(x0 + left, y0 + top, mask, patch[window].copy()))
 
 
 def edge_pixels(silhouette: Silhouette) -> Edge:
@@ -302,9 +304,9 @@ def measure_fish(
     x0, y0 = silhouette.x0, silhouette.y0
     corner = np.array([x0, y0])
     alpha_with_fins, (left, top) = alpha, (x0, y0)
-    if silhouette.fins is not None:
+    if silhouette.pale is not None:
         levels = silhouette.contrast, scene.threshold
-        alpha_with_fins, (left, top) = add_fins_to_alpha(alpha, (x0, y0), silhouette.fins, levels)
+        alpha_with_fins, (left, top) = add_fins_to_alpha(alpha, (x0, y0), silhouette.pale, levels)
     h, w = alpha_with_fins.shape
     window = np.s_[top : top + h, left : left + w]
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
@@ -328,8 +330,8 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
 
     mask: (h, w), the silhouette; field: (h, w), the difference from the tank. Near the outline a
     pixel is a blend of fish and tank, so alpha is its difference divided by the largest difference
-    within two pixels inside the fish, `floor` at least. Deep inside alpha is 255; beyond the next
-    pixel it is 0.
+    within two pixels inside the fish, or by `floor` if that is larger. A pixel whose neighbours
+    are all in the mask has alpha 255, one that has none there 0.
     """
     height, width = mask.shape
     alpha = np.zeros((height, width), np.uint8)

@@ -76,8 +76,8 @@ class TrackLinker:
     def link_frame(self, silhouettes: list[SilhouettePlace]) -> list[int | None]:
         """Return the track number of each silhouette of the next frame; None if it has no track.
 
-        None has a silhouette that is not isolated, or has grown and hides a lost track. One of
-        which another silhouette has split off begins a new track, as one without a partner does.
+        None: the silhouette is not isolated, or it has grown and hides a lost track. A silhouette
+        begins a new track if it matches no track, or if another silhouette has split off from it.
         """
         owner = self._match_tracks(silhouettes)
         lost_tracks = [track for track in self._tracks if track not in owner.values()]
@@ -106,23 +106,24 @@ class TrackLinker:
     def _match_tracks(self, silhouettes: list[SilhouettePlace]) -> dict[int, _Track]:
         """Match running tracks with a frame's silhouettes; return the tracks by silhouette number.
 
-        A pair must be within the limits of step and area, and near, or clearly nearer than any
-        other pair of both; of these pairs, those with the smallest sum of distances are taken.
+        A pair must be within the limits of step and area. It must be near (a quarter of the
+        limit), or clearly nearer than any other pair with that track or that silhouette. Of these
+        pairs, those with the smallest sum of distances are taken.
         Tracks without a partner, and silhouettes that are not isolated, are left out.
         """
         if not self._tracks or not silhouettes:
             return {}
         expected = np.asarray([track.next_place for track in self._tracks])
         difference = expected[:, None] - np.asarray([(s.x_px, s.y_px) for s in silhouettes])
-        cost = np.hypot(difference[..., 0], difference[..., 1])
-        unambiguous = cost < self._gate / 4  # near, or clearly nearer than all other partners
-        unambiguous |= (_CLEARLY * cost < _least_other_costs(cost)) & (
-            _CLEARLY * cost < _least_other_costs(cost.T).T
+        distance = np.hypot(difference[..., 0], difference[..., 1])
+        unambiguous = distance < self._gate / 4
+        unambiguous |= (_CLEARLY * distance < _least_of_others(distance)) & (
+            _CLEARLY * distance < _least_of_others(distance.T).T
         )
         ratio = np.log([[s.area_px / t.spot.area_px for s in silhouettes] for t in self._tracks])
-        allowed = (cost <= self._gate) & unambiguous & (np.abs(ratio) <= np.log(self._ratio))
+        allowed = (distance <= self._gate) & unambiguous & (np.abs(ratio) <= np.log(self._ratio))
         # 1e6 px: pairs that are not allowed come last, and are left out below
-        rows, columns = scipy.optimize.linear_sum_assignment(np.where(allowed, cost, 1e6))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.where(allowed, distance, 1e6))
         return {
             int(j): self._tracks[i]
             for i, j in zip(rows, columns, strict=True)
@@ -154,12 +155,12 @@ class TrackLinker:
         return _box_contains_any(before.box, new_places)
 
 
-def _least_other_costs(cost: Floats) -> Floats:
+def _least_of_others(matrix: Floats) -> Floats:
     """Return for each entry of a matrix the least other entry of its row, infinity if none."""
-    if cost.shape[1] < 2:
-        return np.full_like(cost, np.inf)
-    least, second = np.partition(cost, 1, axis=1)[:, :2, None].transpose(1, 0, 2)
-    return np.where(cost == least, second, least)
+    if matrix.shape[1] < 2:
+        return np.full_like(matrix, np.inf)
+    least, second = np.partition(matrix, 1, axis=1)[:, :2, None].transpose(1, 0, 2)
+    return np.where(matrix == least, second, least)
 
 
 def _box_contains_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:

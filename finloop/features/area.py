@@ -59,6 +59,7 @@ def closed_spline_points(control: Reals, points_per_knot: int = 16) -> Floats:
     control (m, 2): its control points, in the unit of the result.
     """
     m = len(control)
+    # Uniform knots; the first three control points again at the end close the curve.
     spline = scipy.interpolate.BSpline(np.arange(m + 7.0), np.vstack([control, control[:3]]), 3)
     return spline(np.linspace(3, m + 3, m * points_per_knot, endpoint=False))
 

@@ -48,12 +48,12 @@ def choose_head_cues(
 ) -> HeadCues:
     """Return by which cues the head is found in a film: the wider or thinner end, travel, or both.
 
-    rule: of the settings: "travel", "blunt", "thin", or "auto", by which it is measured whether the
-    animals move blunt or thin end first. Where little moves, the blunt end is the head, as of a
-    fish. backbone: (rows, n, 2) px; half_width: (rows, n) px; tracks: the rows of each track;
+    rule: "travel", "blunt" or "thin" uses only that cue. "auto" uses travel, and as the head's end
+    the one that leads in the film, blunt or thin; where little moves, the blunt end, as of a fish.
+    backbone: (rows, n, 2) px; half_width: (rows, n) px; tracks: the rows of each track;
     rate_hz: frames per second.
     """
-    # HeadCues.width: 1 the blunt end is the head, −1 the thin one, 0 the width says nothing.
+    # width: 1 the blunt end is the head, −1 the thin one, 0 the width says nothing.
     if rule == "travel":
         return HeadCues(width=0)
     if rule != "auto":
@@ -102,11 +102,11 @@ def decide_head_end(
 ) -> tuple[Mask, Floats]:
     """Decide for each frame of a track whether the first backbone point is the head.
 
-    Return the decisions (frames,) and their probabilities (frames,), from the film alone; below
-    0.5, it speaks against the decision. backbone: (frames, n, 2) px, consecutive frames;
-    half_width: (frames, n) px, of the body along the backbone; rate_hz: frames per second;
-    given_head (frames,): which end another program calls the head, 1 the first, −1 the last, 0
-    unknown; it decides where it is known. cues: what tells the head in this film.
+    Return the decisions (frames,) and their probabilities (frames,). These are judged by the film
+    alone: below 0.5, it speaks against the decision of another program. backbone: (frames, n, 2)
+    px, consecutive frames; half_width: (frames, n) px, of the body along the backbone; rate_hz:
+    frames per second; given_head (frames,): which end another program calls the head, 1 the first,
+    −1 the last, 0 unknown; it decides where it is known. cues: what tells the head in this film.
     """
     length = _median_length(backbone)
     # Log odds that the first point is the head. cues.width: −1 where the head is the thin end.
@@ -129,8 +129,8 @@ def _median_length(backbone: Reals) -> float:
 def _width_evidence(half_width: Reals) -> Floats:
     """Return log odds (frames,) that the first point is the head: the head is the wider end.
 
-    half_width: (frames, n) px, along the backbone. Each end's 3/8 of the body are compared, without
-    their last points.
+    half_width: (frames, n) px, along the backbone. The 3/8 of the body at either end are compared,
+    without the outermost point.
     """
     points = half_width.shape[1] * 3 // 8
     first, last = half_width[:, 1:points].mean(1), half_width[:, -points:-1].mean(1)
@@ -173,7 +173,8 @@ def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask
     """
     # Forwards: `odds` are those of the best sequence that ends with the first point as the head, to
     # the best that ends otherwise: max(odds + stay, 0) − max(odds, stay), and the frame's own.
-    before_head, before_tail = [], []  # whether it was the head a frame ago, if it is now; if not
+    # Whether it was the head a frame ago, if it is now, and if it is not.
+    before_head, before_tail = [], []
     odds = evidence[0]
     for frame_odds, stay in zip(evidence[1:], stay_odds, strict=True):
         before_head.append(odds + stay >= 0)

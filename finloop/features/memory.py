@@ -21,9 +21,9 @@ def measure_memory_frames(postures: Reals, track: Ints) -> float:
     """Return the memory of an animal's posture: the lag [frames] after which it is half forgotten.
 
     At this lag τ, the mean square of posture(t + τ) − posture(t) is half of that between any two
-    postures. Whole frames are interpolated linearly. If it stays below half, the result is the
-    longest track's length. postures (n, k): k numbers that describe a posture; track (n,): the
-    track of each row, in the order of frames.
+    postures; between whole frames it is interpolated linearly. If it stays below half, the result
+    is the longest track's length. postures (n, k): k numbers that describe a posture; track (n,):
+    the track of each row, in the order of frames.
     """
     values = np.asarray(postures, float)
     longest = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())

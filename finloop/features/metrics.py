@@ -25,8 +25,8 @@ def orientation_table(features: pd.DataFrame) -> pd.DataFrame:
 
     Columns: `orientation`; `straight_pct`, `right_pct`, `left_pct`: percent of the orientation's
     frames; `max_area_right`, `max_area_left`: its largest motion area in such turns, relative to
-    the film's; `amount_pct`: percent of all frames. The amounts sum to 100 (the paper's own do not:
-    99.87). An orientation without frames has the amount 0 and else NaN.
+    the film's, 0 without such turns; `amount_pct`: percent of all frames. The amounts sum to 100
+    (the paper's own do not: 99.87). An orientation without frames has amount 0, all else is NaN.
     """
     film_areas = features.groupby("swimming_type")["motion_area"].max()
     rows = []
@@ -76,7 +76,7 @@ def summarize_features(features: pd.DataFrame) -> dict[str, float]:
 
 
 def measure_frames_per_beat(features: pd.DataFrame) -> float:
-    """Return how many frames a tail beat has, by how much the bend changes from frame to frame.
+    """Return how many frames a tail beat has, judged by the bend's change from frame to frame.
 
     A sine of n frames a period differs from the mean of its neighbours by the share
     1 − cos(2π / n) of itself; this share is fitted to all frames with both neighbours, by least
@@ -86,11 +86,11 @@ def measure_frames_per_beat(features: pd.DataFrame) -> float:
     bend = features["bend"].to_numpy(float)
     bend = bend - features.groupby("track_id")["bend"].transform("mean").to_numpy(float)
     middle = np.flatnonzero((track[2:] == track[:-2]) & (frame[2:] - frame[:-2] == 2)) + 1
-    around = (bend[middle - 1] + bend[middle + 1]) / 2
+    neighbour_mean = (bend[middle - 1] + bend[middle + 1]) / 2
     square = float(np.sum(bend[middle] ** 2))
     if not square:
         return float("nan")
-    share = float(np.sum((bend[middle] - around) * bend[middle])) / square
+    share = float(np.sum((bend[middle] - neighbour_mean) * bend[middle])) / square
     return float(2 * np.pi / np.arccos(np.clip(1 - share, -1, 1 - 1e-9)))
 
 
@@ -126,10 +126,10 @@ def metrics_in_mm(
 def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
     """Return how well headings agree with the direction of motion, by name, for metrics.json.
 
-    Only rows (a fish in one frame) that move by 0.1 body lengths in the time Δ count: their number,
-    the percentage headed within 90° of their motion, and the median angle between both, the heading
-    taken in the middle of Δ. Swapped heads and tails lower the percentage. If no row moves, or the
-    fish swim against a current, there is only the number, 0.
+    Only rows (a fish in one frame) that move by 0.1 body lengths in the time Δ count. The metrics
+    are their number, the percentage headed within 90° of their motion, and the median angle between
+    both. The heading is that in the middle of Δ. Swapped heads and tails lower the percentage. If
+    no row moves, or the fish swim against a current, there is only the number, 0.
     """
     delta = infer_delta_frames(features)
     moving = np.flatnonzero(features["displacement"] > _MOVING)  # rows at the beginning of Δ
@@ -201,10 +201,10 @@ def compare_heads_with_external(
 ) -> dict[str, float]:
     """Return how well another program's heads agree with ours, by name, for metrics.json.
 
-    `head_told_share`: the share of rows in which the program gives a head; if there are any,
-    `head_disagreement_share`: in which it calls our tail the head, and
-    `head_disagreement_median_deg`: the angle between the two directions from tail to head. If it
-    gives no tail, the middle of the backbone is used. tracks: the columns
+    `head_told_share` is the share of rows in which the program gives a head. If there are any, two
+    more describe them: `head_disagreement_share`, the share in which it calls our tail the head,
+    and `head_disagreement_median_deg`, the angle between the two directions from tail to head. If
+    it gives no tail, the middle of the backbone is used. tracks: the columns
     `finloop.features.table.USED`; given: places of heads and tails, the same rows.
     """
     backbones, _ = orient_backbones(tracks, rate_hz)

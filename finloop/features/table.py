@@ -78,8 +78,9 @@ def infer_delta_frames(features: pd.DataFrame) -> int:
 def natural_step_frames(features: pd.DataFrame) -> int:
     """Return the length in frames of a natural step, which is Δ / 5, at least 1.
 
-    The typical difference of pictures so far apart is the unit of picture distances. In the paper's
-    film (25 Hz, Δ of 5 frames) it is one frame; with a faster camera, a frame would be too short.
+    The typical difference of pictures that are a natural step apart is the unit of all picture
+    distances. In the paper's film (25 Hz, Δ of 5 frames) the step is one frame; with a faster
+    camera, a frame would be too short.
     """
     return max(1, round(infer_delta_frames(features) / _STEPS))
 
@@ -228,7 +229,7 @@ def choose_turn_thresholds(
     delta_frames: int,
     settings: FeaturesSettings,
 ) -> TurnThresholds:
-    """Return the thresholds of a turn: those of the settings, or, for `auto`, measured in the film.
+    """Return the thresholds of a turn: each is given in the settings, or `auto` and measured.
 
     heading_deg (n,), bend (n,), signed body length²: of all rows; tracks: the rows of each track;
     delta_frames: time Δ over which headings change.
@@ -275,7 +276,7 @@ def orient_backbones(
 
 
 def learn_head_cues(tracks: pd.DataFrame, rate_hz: float, rule: HeadRule) -> HeadCues:
-    """Return which cues show which end is the head in a film: see `HeadCues`.
+    """Return the cues that show which end is the head in a film.
 
     tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; rule: of the
     settings.

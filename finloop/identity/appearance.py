@@ -97,9 +97,10 @@ def _example_distances(
 ) -> tuple[Floats, Floats]:
     """Return distances of descriptors of certainly one animal (k,), and of two animals (l,).
 
-    One animal: the first and the last part of each long track. Two: such parts of tracks `at_once`.
-    tracks: descriptors (k, d) of each; long_tracks: numbers of those with enough pictures. They are
-    measured along discriminant directions that were learnt from other tracks.
+    One animal: the first and the last part of each long track. Two: the first part of one long
+    track and the last part of another, for the pairs `at_once`, which have a frame in common.
+    Distances are measured along discriminant directions that were learnt from other tracks.
+    tracks: descriptors (k, d) of each; long_tracks: numbers of those with enough pictures.
     """
     one_animal, two_animals = list[Floats](), list[Floats]()
     for fold in range(_FOLDS):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Ints
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.base.stretches import spread_rows
 from finloop.distance.picture import BODY
@@ -125,16 +125,11 @@ def measure_trial_gaps(
     pieces, first_halves = list[NDArray[np.intp]](), list[int]()
     frame = evidence.reel.features["frame"].to_numpy()
     for rows in track_slices(evidence.reel.features):
-        start, stop = rows.start, rows.stop
         gap = int(rng.choice(gap_frames)) if len(gap_frames) else 1
-        middle_frame = (frame[start] + frame[stop - 1] - gap) // 2
-        gap_start = start + int(np.searchsorted(frame[start:stop], middle_frame))
-        gap_stop = start + int(np.searchsorted(frame[start:stop], frame[gap_start - 1] + gap))
-        if gap_start - start >= _LEAST_HALF and stop - gap_stop >= _LEAST_HALF:
+        pieces_of_track = _cut_gap(frame, np.arange(rows.start, rows.stop), gap)
+        if len(pieces_of_track) == 2:
             first_halves.append(len(pieces))
-            pieces += [np.arange(start, gap_start), np.arange(gap_stop, stop)]
-        else:
-            pieces.append(np.arange(start, stop))
+        pieces += pieces_of_track
     if not first_halves:
         return np.full(2, np.nan)
     before = _join_tracks(evidence, pieces).before
@@ -142,6 +137,20 @@ def measure_trial_gaps(
     is_right = before_second_half == first_halves
     is_open = before_second_half < 0
     return np.array([is_right.mean(), (~is_right & ~is_open).mean()])
+
+
+def _cut_gap(frame: Ints, rows: NDArray[np.intp], gap_frames: int) -> list[NDArray[np.intp]]:
+    """Return a track's rows before and after a gap in its middle; all of them if it is too short.
+
+    frame: the frame number of every row of the film; rows (k,): of the track, in their order.
+    """
+    frames = frame[rows]
+    middle_frame = (frames[0] + frames[-1] - gap_frames) // 2
+    start = int(np.searchsorted(frames, middle_frame))
+    stop = int(np.searchsorted(frames, frames[start - 1] + gap_frames))
+    if min(start, len(rows) - stop) < _LEAST_HALF:
+        return [rows]
+    return [rows[:start], rows[stop:]]
 
 
 def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]) -> TrackJoins:

@@ -40,7 +40,7 @@ class TrackJoins(NamedTuple):
 def successor_pairs(
     start: Reals, stop: Reals, segment: Tracks, most_successors: int = _SOONEST
 ) -> TrackPairs:
-    """Return pairs of every track with those that begin soonest after its end, without a cut.
+    """Return pairs of every track with those that begin soonest after its end, before the next cut.
 
     start, stop (n,): first and last frame of each track; segment (n,): its part of the film between
     cuts, ascending with the frames. In a pair, `a` is the earlier track. most_successors: how many
@@ -67,7 +67,10 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
 
 
 def _pair_with_ranges(order: Tracks, low: Tracks, high: Tracks) -> TrackPairs:
-    """Return pairs of every track k with each of the tracks order[low[k]:high[k]]; all are (n,)."""
+    """Return pairs of every track k with each of the tracks order[low[k]:high[k]].
+
+    order, low, high: (n,) each, for n tracks.
+    """
     partners = [order[first:stop] for first, stop in zip(low, high, strict=True)]
     counts = [len(tracks) for tracks in partners]
     return TrackPairs(

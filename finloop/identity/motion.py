@@ -1,7 +1,7 @@
 """The drift of an animal during a gap between tracks, measured in its film.
 
 Trial gaps in whole tracks measure it: two places half way are predicted, from before the gap and
-from after it; their distance is the error. Places are in body lengths, gaps in frames.
+from after it; their distance is the mismatch. Places are in body lengths, gaps in frames.
 """
 
 from dataclasses import dataclass
@@ -12,19 +12,13 @@ import pandas as pd
 from finloop.base.arrays import Floats, Reals
 from finloop.identity.joins import Chains, TrackPairs
 
-_VELOCITY_FRAMES = (
-    2,
-    4,
-    8,
-    16,
-    32,
-)  # frames over which a velocity may be measured; the best is chosen
-_LEAST = 30  # least trial gaps that measure an error
+_VELOCITY_FRAMES = 2, 4, 8, 16, 32  # over which a velocity may be measured; the best is chosen
+_LEAST = 30  # least trial gaps that measure a mismatch
 # Share of gaps in which an animal darts anywhere in the tank. From 0.005 to 0.02 the zebrafish's
 # joins are the same.
 _TAIL = 0.02
 _SUREST = 1e6  # largest ratio of probabilities
-_NO_ERROR = 1e-3  # body lengths; no prediction is more exact than the measurement
+_LEAST_MISMATCH = 1e-3  # body lengths; no prediction is more exact than the measurement
 
 
 @dataclass(frozen=True)
@@ -88,17 +82,13 @@ def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floa
 
 @dataclass(frozen=True)
 class GapDrift:
-    """How far apart two predictions of a place in a gap are: from the track before, and after it.
+    """How far apart two predictions of a place in a gap are: one from before it, one from after."""
 
-    gaps (k,): lengths in frames, ascending; error (k,): median distance of the two predictions,
-    body lengths; velocity_frames: before and after a gap, over which a velocity is measured.
-    """
-
-    gaps: Floats
-    error: Floats
-    share: Floats  # (k,): share of the velocity before the gap that lasts
+    gaps: Floats  # (k,) lengths in frames, ascending
+    mismatch: Floats  # (k,) median distance of the two predictions, body lengths
+    share: Floats  # (k,) share of the velocity before the gap that lasts
     tank: float  # area, body lengths²
-    velocity_frames: int
+    velocity_frames: int  # before and after a gap, over which a velocity is measured
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
         """Return log(probability of one animal / of two), (e,), for tracks before and after gaps.
@@ -109,65 +99,71 @@ class GapDrift:
         density is Student's t in the plane, with two degrees of freedom: most animals swim on, some
         dart.
         """
-        error = np.maximum(np.interp(gap_frames, self.gaps, self.error), _NO_ERROR)
-        density = error**2 / (np.pi * (error**2 + distance**2) ** 2)
+        median = np.maximum(np.interp(gap_frames, self.gaps, self.mismatch), _LEAST_MISMATCH)
+        density = median**2 / (np.pi * (median**2 + distance**2) ** 2)
         return np.log((1 - _TAIL) * np.minimum(density * self.tank, _SUREST) + _TAIL)
 
 
 def measure_drift(tracks: pd.DataFrame) -> GapDrift:
-    """Measure how far a predicted place is off after a gap, by cutting gaps into whole tracks.
+    """Measure how far apart places are that are predicted from before and from after a gap.
 
-    tracks: track_id, frame, x, y (body lengths), sorted by track and frame. The gaps double from
-    one frame on, while enough tracks are that long. The velocity is measured over the number of
-    frames that gives the least error: over less than a tail beat it may point aside. In a film of
-    short tracks an animal may be anywhere after any gap.
+    tracks: track_id, frame, x, y (body lengths), sorted by track and frame. Trial gaps are cut into
+    whole tracks; they double from one frame on, while enough tracks are that long. The velocity is
+    measured over the number of frames that gives the least mismatch: over less than a tail beat it
+    may point aside. In a film of short tracks an animal may be anywhere after any gap.
     """
-    # The tank's area, of all places but the outermost hundredths, and the radius of such a circle.
+    # The tank's area, without the outermost hundredths of all places; then the radius of a circle
+    # of that area.
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
     anywhere = float(np.sqrt(tank / np.pi))
-    # For each number of frames that measure a velocity: the results for gaps of 1, 2, 4 … frames.
-    errors, shares = dict[int, list[float]](), dict[int, list[float]]()
+    # By the number of frames that measure a velocity: the results for gaps of 1, 2, 4 … frames.
+    mismatches, shares = dict[int, list[float]](), dict[int, list[float]]()
     for frames in _VELOCITY_FRAMES:
-        error, share = _measure_errors(tracks, frames)
-        if error:
-            errors[frames], shares[frames] = error, share
-    if _VELOCITY_FRAMES[0] not in errors:  # the tracks are too short for any trial gap
+        by_gap, shares_by_gap = _measure_mismatches(tracks, frames)
+        if by_gap:
+            mismatches[frames], shares[frames] = by_gap, shares_by_gap
+    if not mismatches:  # the tracks are too short for any trial gap
         return GapDrift(
             np.ones(1), np.full(1, anywhere), share=np.zeros(1), tank=tank,
             velocity_frames=_VELOCITY_FRAMES[0],
         )  # fmt: skip
-    # The best has the least geometric mean of errors, over the gaps that all have.
-    common = min(map(len, errors.values()))
-    best = min(errors, key=lambda frames: np.log(np.add(errors[frames][:common], 1e-6)).sum())
-    # After a gap so long that the error, which grows with its root, spans the tank, it may be
-    # anywhere.
-    gaps = 2.0 ** np.arange(len(errors[best]))
-    longest_error = errors[best][-1]
-    last = max(anywhere, longest_error)
-    beyond = gaps[-1] * (last / max(longest_error, _NO_ERROR)) ** 2 + 1
+    # The best has the least geometric mean of mismatches, over the gaps that all have.
+    common = min(map(len, mismatches.values()))
+    best = min(
+        mismatches, key=lambda frames: np.log(np.add(mismatches[frames][:common], 1e-6)).sum()
+    )
+    # One more gap, after which an animal may be anywhere: mismatches grow with the root of the gap.
+    gaps = 2.0 ** np.arange(len(mismatches[best]))
+    *_, longest_mismatch = mismatches[best]
+    last = max(anywhere, longest_mismatch)
+    beyond = gaps[-1] * (last / max(longest_mismatch, _LEAST_MISMATCH)) ** 2 + 1
     return GapDrift(
-        np.append(gaps, beyond), np.append(errors[best], last),
+        np.append(gaps, beyond), np.append(mismatches[best], last),
         share=np.append(shares[best], 0.0), tank=tank, velocity_frames=best,
     )  # fmt: skip
 
 
-def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[float], list[float]]:
-    """Return, for gaps of 1, 2, 4 … frames, the median error of predictions and a velocity's share.
+def _measure_mismatches(
+    tracks: pd.DataFrame, velocity_frames: int
+) -> tuple[list[float], list[float]]:
+    """Return, for gaps of 1, 2, 4 … frames, two predictions' distance, and a velocity's share.
 
-    The error is in body lengths; the share is the part of the velocity that lasts over the gap.
+    One prediction of the place half way starts before the gap, one after it: the first list has
+    their median distances in body lengths. The second has the share (0 to 1) of the velocity before
+    the gap that lasts, fitted by least squares. Both end where the film has too few gaps so long.
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame; velocity_frames: over
-    which a velocity is measured. Both lists end where the film has too few gaps so long.
+    which a velocity is measured.
     """
     place, key = tracks[["x", "y"]].to_numpy(float), tracks[["track_id", "frame"]].to_numpy()
-    errors, shares = list[float](), list[float]()
+    mismatches, shares = list[float](), list[float]()
     gap = 1
     while True:
         # First rows of trial gaps with both velocities, in one track and without a lost frame.
         span = 2 * velocity_frames + gap
         first = np.flatnonzero((key[span:] - key[:-span] == (0, span)).all(1))
         if len(first) < _LEAST:
-            return errors, shares
+            return mismatches, shares
         start = first + velocity_frames  # of the gap
         stop = start + gap
         leaving = (place[start] - place[first]) / velocity_frames
@@ -177,9 +173,8 @@ def _measure_errors(tracks: pd.DataFrame, velocity_frames: int) -> tuple[list[fl
         fit = (leaving * travel).sum() / max(gap * (leaving**2).sum(), 1e-12)
         share = float(np.clip(fit, 0, 1))
         shares.append(share)
-        # Half way, the prediction from before the gap differs from that from after it by this.
-        difference = travel - 0.5 * share * gap * (leaving + arriving)
-        errors.append(float(np.median(np.hypot(*difference.T))))
+        mismatch = travel - 0.5 * share * gap * (leaving + arriving)
+        mismatches.append(float(np.median(np.hypot(*mismatch.T))))
         gap *= 2
 
 

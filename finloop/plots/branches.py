@@ -176,7 +176,7 @@ def _thin_silhouette(
     """
     # Masks of the silhouette (body), and of the fish with its pale pixels (fish), both in the box
     # of the latter with a margin. left, top: place of the box in the frame.
-    pale = silhouette.fins or silhouette
+    pale = silhouette.pale or silhouette
     left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
     size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
     body = _paste_mask(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
