@@ -129,9 +129,8 @@ def test_a_row_is_the_state_and_control_now_and_the_state_delta_later():
     rows = pair_rows_with_later(features, DELTA)
     assert len(rows.frame) == (12 - DELTA) + (9 - DELTA)
     at = features.set_index(["track_id", "frame"])
-    for track, frame, given, wanted in zip(
-        rows.track_id, rows.frame, rows.inputs, rows.outputs, strict=True
-    ):
+    columns = rows.track_id, rows.frame, rows.inputs, rows.outputs
+    for track, frame, given, wanted in zip(*columns, strict=True):
         assert np.array_equal(given, at.loc[(track, frame), list(INPUTS)])
         assert np.array_equal(wanted, at.loc[(track, frame + DELTA), list(OUTPUTS)])
     mixed = pair_rows_with_later(features.sample(frac=1, random_state=0), DELTA)
@@ -142,27 +141,18 @@ def test_a_row_needs_everything_on_both_ends():
     features = table([30])
     features.loc[4, "displacement"] = np.nan
     features.loc[11, "included_angle_deg"] = np.nan
-    rows = pair_rows_with_later(
-        features.drop(index=20), DELTA
-    )  # no frame 20: neither now nor later
+    # No frame 20: neither now nor later.
+    rows = pair_rows_with_later(features.drop(index=20), DELTA)
     assert sorted(rows.frame) == sorted(set(range(25)) - {4, 11, 20, 15})
     assert len(pair_rows_with_later(table([DELTA, 3]), DELTA).frame) == 0
-    assert (
-        len(pair_rows_with_later(table([40], delta=8), DELTA).frame) == 32
-    )  # Δ of the table, if that is longer
+    longer = pair_rows_with_later(table([40], delta=8), DELTA)
+    assert len(longer.frame) == 32  # Δ of the table, if that is longer
 
 
 # -- splits -----------------------------------------------------------------------------------------
 
 
-def test_the_seed_decides_the_split():
-    rows = pair_rows_with_later(table([500]), DELTA)
-    one, same, other = (split_by_blocks(rows, 25, 0.3, rng(seed))[1] for seed in (1, 1, 2))
-    assert np.array_equal(one, same)
-    assert not np.array_equal(one, other)
-
-
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("block", [8, 25, 60])
 def test_no_window_reaches_from_one_side_into_the_other(seed, block):
     rows = pair_rows_with_later(table([200, 120, 90], starts=[0, 30, 110]), DELTA)
@@ -236,18 +226,14 @@ def test_the_scaled_range_ignores_wild_frames():
     assert scale_to_unit(np.array([[0.5, 0, 1, 0]]), low, high)[0, [0, 1, 3]] == pytest.approx(0)
 
 
-def test_what_does_not_change_is_learnt_without_nan():
-    inputs = np.tile([0.4, 0, 0.3, 0.0], (50, 1))
-    model, _ = learnt(inputs, inputs[:, :2])
-    assert model.predict(inputs[:1]) == pytest.approx(inputs[:1, :2], abs=0.01)
-
-
 @pytest.mark.parametrize("columns", [[0], [1], [2], [3], [0, 1, 2, 3]])
 def test_a_constant_input_is_no_division_by_zero(columns):
     inputs = random_inputs(60)
     inputs[:, columns] = 0
-    model, curve = learnt(inputs, law(inputs), replace(HOW, epochs=2))
+    model, curve = learnt(inputs, law(inputs))
     assert np.isfinite(model.predict(inputs)).all()
+    if len(columns) == 4:  # nothing changes: that is learnt
+        assert model.predict(inputs[:1]) == pytest.approx(law(inputs[:1]), abs=0.01)
     assert np.isfinite(curve.to_numpy()).all()
     assert np.all(model.input_low < model.input_high)
 
@@ -273,28 +259,6 @@ def energy(weights, x, t):
     return 0.5 * (network(weights, x) - t).square().sum()
 
 
-def by_hand(weights, x, t):
-    """The gradient that `learn_epoch` steps along, of all rows in one batch."""
-    velocity = np.zeros_like(weights)
-    learn_epoch(x, t, weights.copy(), velocity, len(x), 1.0, 0.0)
-    return -velocity
-
-
-def by_autograd(weights, x, t):
-    leaf = torch.from_numpy(weights).requires_grad_()
-    energy(leaf, torch.from_numpy(x), torch.from_numpy(t)).backward()
-    return leaf.grad.numpy()
-
-
-@pytest.mark.parametrize(("rows", "hidden"), [(1, 1), (7, 6), (33, 20)])
-def test_the_gradient_is_that_of_autograd(rows, hidden):
-    for seed in range(5):
-        given = problem(rows, hidden, seed)
-        found = by_hand(*given)
-        np.testing.assert_allclose(found, by_autograd(*given), rtol=1e-9, atol=1e-12)
-        assert np.abs(found).max() > 0.01
-
-
 @pytest.mark.parametrize("size", [0, 1, 40, 1e4, 1e300])
 def test_a_unit_gives_the_sigmoid_of_its_sum_however_large(size):
     weights, signals = size * np.array([1.0, -2.0, 0.5]), np.array([0.5, -0.25, 1.0])
@@ -317,16 +281,15 @@ def test_a_step_reckoned_on_paper():
     assert velocity == pytest.approx(wanted, abs=1e-12)
 
 
-@pytest.mark.parametrize("size", [1, 3, 8, 50, 80])
+@pytest.mark.parametrize("size", [1, 8, 80])
 def test_an_epoch_is_that_of_sgd_with_momentum(size):
     weights, x, t = problem(rows=50)
     leaf = torch.from_numpy(weights.copy()).requires_grad_()
     peer = torch.optim.SGD([leaf], lr=0.1, momentum=0.5)
     velocity = np.zeros_like(weights)
     for _ in range(3):
-        for lot_x, lot_t in zip(
-            torch.from_numpy(x).split(size), torch.from_numpy(t).split(size), strict=True
-        ):
+        lots = (torch.from_numpy(one).split(size) for one in (x, t))
+        for lot_x, lot_t in zip(*lots, strict=True):
             peer.zero_grad()
             energy(leaf, lot_x, lot_t).backward()
             peer.step()
@@ -394,9 +357,8 @@ def test_states_stay_in_their_range_whatever_goes_in():
 
 
 def same(one, two):
-    return all(
-        np.array_equal(getattr(one, field.name), getattr(two, field.name)) for field in fields(one)
-    )
+    names = [field.name for field in fields(one)]
+    return all(np.array_equal(getattr(one, name), getattr(two, name)) for name in names)
 
 
 def test_the_seed_decides_every_bit():
@@ -408,7 +370,7 @@ def test_the_seed_decides_every_bit():
     assert not same(one[0], learnt(inputs, law(inputs), how, seed=1)[0])
 
 
-@pytest.mark.parametrize("batch_size", [1, 7, 100, 101, 5000])
+@pytest.mark.parametrize("batch_size", [1, 7, 5000])
 def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
     seen = []
     real = finloop.bpn.back_propagation.learn_epoch
@@ -458,12 +420,10 @@ def test_the_baselines():
     slopes = np.array([[0.3, 0], [0, 0.5], [0.1, 0.1], [0.001, 0.002]])
     later = inputs @ slopes + [0.2, -0.1]
     unseen = random_inputs(20, 1)
-    assert predict_by_linear_fit(inputs, later, unseen) == pytest.approx(
-        unseen @ slopes + [0.2, -0.1]
-    )
-    assert (
-        predict_by_linear_fit(inputs, 9 * later, unseen)[:, 0].max() == 1
-    )  # nothing beyond the range
+    wanted = unseen @ slopes + [0.2, -0.1]
+    assert predict_by_linear_fit(inputs, later, unseen) == pytest.approx(wanted)
+    # Nothing beyond the range.
+    assert predict_by_linear_fit(inputs, 9 * later, unseen)[:, 0].max() == 1
 
 
 def test_skill_is_one_minus_the_share_of_the_error():
@@ -539,20 +499,16 @@ def test_a_model_comes_back_to_the_bit(tmp_path):
 HARM = {
     "no JSON": lambda text: text[: len(text) // 2],
     "no object": lambda text: "[]",
-    "empty": lambda text: "",
     "another format": lambda text: text.replace("motion model 1", "motion model 2"),
     "another unit": lambda text: text.replace("body length", "px"),
     "a NaN": lambda text: text.replace('"margin": 0.05', '"margin": NaN'),
-    "a NaN range": lambda text: text.replace("[\n  0.0,\n  -1.0\n ]", "[\n  NaN,\n  -1.0\n ]"),
     "an endless weight": lambda text: re.sub(r'(?<="hidden_bias": \[\n)[^,]*', "1e999", text),
     "a word": lambda text: text.replace('"margin": 0.05', '"margin": "a"'),
     "no delta": lambda text: text.replace('"delta_s"', '"delta"'),
     "a negative delta": lambda text: text.replace('"delta_s": 0.2', '"delta_s": -0.2'),
-    "a range upside down": lambda text: text.replace(
-        "[\n  0.0,\n  -1.0\n ]", "[\n  2.0,\n  -1.0\n ]"
-    ),
+    "a range upside down": lambda text: text.replace("[\n  0.0,\n  -1.0\n ]", "[\n  2.0,\n  -1.0\n ]"),
     "a weight too few": lambda text: text.replace('"output_bias": [', '"output_bias": [1.0,'),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("harm", HARM)
@@ -569,13 +525,12 @@ def test_a_damaged_model_is_one_message(tmp_path, harm):
         path.unlink(missing_ok=True)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_onnx_gives_the_numbers_of_the_model(tmp_path, seed):
-    model = random_model(seed)
+def test_onnx_gives_the_numbers_of_the_model(tmp_path):
+    model = random_model()
     path = tmp_path / "model.onnx"
     path.write_bytes(export_onnx_bytes(model))
     session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
-    inputs = np.vstack([random_inputs(300, seed), rng(seed).normal(0, 500, (50, 4))])
+    inputs = np.vstack([random_inputs(300), rng().normal(0, 500, (50, 4))])
     (found,) = session.run([OUTPUT_NAME], {INPUT_NAME: inputs.astype(np.float32)})
     assert found == pytest.approx(model.predict(inputs), abs=1e-5)
     assert session.run(None, {INPUT_NAME: inputs[:1].astype(np.float32)})[0].shape == (1, 2)
@@ -628,7 +583,7 @@ def metrics(folder):
     return load_numbers(folder / "reports/bpn")
 
 
-def test_the_stage_makes_the_model_and_its_reports(workspace):
+def test_the_stage_makes_the_model_and_its_reports_the_same_each_time(workspace):
     assert set(content(workspace / "reports/bpn")) == MADE
     assert set(content(workspace / "reports/motion/bpn")) == {"fig15.png", "held_out.png"}
     assert set(content(workspace / "data/bpn")) == {"held_out.parquet", "model.json", "model.onnx"}
@@ -643,9 +598,6 @@ def test_the_stage_makes_the_model_and_its_reports(workspace):
     )
     assert "other_split_held_out_area_rmse" in found
     assert all(isinstance(number, int | float) for number in found.values())
-
-
-def test_the_stage_makes_the_same_again(workspace):
     once = content(workspace / "data/bpn") | content(workspace / "reports")
     shutil.rmtree(workspace / "data/bpn")
     shutil.rmtree(workspace / "reports")
@@ -663,17 +615,6 @@ def test_every_parameter_changes_the_model(workspace, override):
     prepare(workspace, *SHORT, override)
     stages.bpn.main()
     assert content(workspace / "data/bpn") != once
-
-
-def test_the_seed_decides_the_split_and_the_first_weights(workspace):
-    models = []
-    for seed in (0, 1):
-        prepare(workspace, *SHORT, "bpn.learning_rate=1e-9", f"bpn.seed={seed}")
-        stages.bpn.main()
-        models.append(load_record(workspace / "data/bpn/model.json", restore_motion_model, "bpn"))
-    one, two = models
-    assert one.input_high[3] != two.input_high[3]  # from other rows
-    assert np.abs(one.hidden_weights - two.hidden_weights).max() > 0.1
 
 
 def test_the_metrics_of_either_split_and_those_that_a_film_cannot_have(workspace):
@@ -709,9 +650,7 @@ def test_bad_input_is_one_message_and_leaves_what_was_there(workspace, lengths, 
 
 
 @pytest.mark.parametrize("length", [16, 30])
-def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(
-    workspace, length, capsys
-):
+def test_a_short_film_is_learnt_whole_and_no_error_is_called_held_out(workspace, length, capsys):
     put(workspace, table([length]))
     stages.bpn.main()
     found = metrics(workspace)

@@ -5,8 +5,10 @@ down in pixels; angles are degrees, anticlockwise as seen.
 """
 
 import re
+from collections import defaultdict
 from itertools import pairwise, product
 from pathlib import Path
+from string import ascii_uppercase
 
 import cv2
 import numpy as np
@@ -69,14 +71,9 @@ from finloop.plots.loops import choose_separate_loops, spread_table_rows
 RATE = 20.0
 DELTA = 4
 EASY = LoopsSettings(
-    distance_threshold=1.0,
-    min_length_deltas=2.5,
-    compared_neighbour_frames=1,
-    improper_angle_deg=90.0,
-    loop_end_choice="play",
-    min_deltas_between_jumps=1.0,
-    join="fade",
-)
+    distance_threshold=1.0, min_length_deltas=2.5, compared_neighbour_frames=1,
+    improper_angle_deg=90.0, loop_end_choice="play", min_deltas_between_jumps=1.0, join="fade",
+)  # fmt: skip
 
 
 def settings(**asked):
@@ -127,9 +124,8 @@ def filtered_map(pairs, track, n, limit):
 
 def minima_of(pairs, value, track, radius, least):
     """The local minima as sorted pairs of rows."""
-    found = dense(
-        pairs, np.where(find_local_minima(pairs, value, track, radius, least), 0.0, np.inf)
-    )
+    minimal = find_local_minima(pairs, value, track, radius, least)
+    found = dense(pairs, np.where(minimal, 0.0, np.inf))
     return [tuple(pair) for pair in np.argwhere(found == 0).tolist()]
 
 
@@ -204,13 +200,8 @@ def test_dynamics_keep_the_direction_of_motion():
     step = np.median(np.abs(np.diff(film[:, 0])))
 
     def opposed_share(n):
-        loops, _ = find_video_loops(
-            film_map(film),
-            still(120),
-            RATE,
-            step,
-            settings(compared_neighbour_frames=n, distance_threshold=0.4, most_per_end=99),
-        )
+        p = settings(compared_neighbour_frames=n, distance_threshold=0.4, most_per_end=99)
+        loops, _ = find_video_loops(film_map(film), still(120), RATE, step, p)
         fast = (np.abs(speed[loops["a"]]) > step / 2) & (np.abs(speed[loops["b"]]) > step / 2)
         return (np.sign(speed[loops["a"]]) != np.sign(speed[loops["b"]]))[fast].mean()
 
@@ -245,9 +236,8 @@ def test_a_loop_is_improper_if_it_travels_against_the_heading(heading, bad):
     table = features_at(LINE, np.zeros(40), heading)
     assert find_improper_loops(np.array([5]), np.array([30]), table, 90.0)[0] == bad
     across = features_at(np.r_[LINE[:20], LINE[:20]], np.zeros(40), heading, np.repeat([0, 1], 20))
-    assert (
-        find_improper_loops(np.array([5]), np.array([30]), across, 90.0)[0] == bad
-    )  # by its ends alone
+    # ... by its ends alone
+    assert find_improper_loops(np.array([5]), np.array([30]), across, 90.0)[0] == bad
     # ... and by its whole way alone: at its ends the fish stays where it is.
     held = np.r_[np.zeros(10), np.arange(20) * 3.0, np.full(10, 57.0)]
     table = features_at(held, np.zeros(40), heading)
@@ -307,12 +297,8 @@ def test_loops_fall_into_groups_as_in_fig12():
 def test_a_loop_across_tracks_lies_over_its_two_ends_alone():
     track = np.repeat([0, 1, 2], 20)
     a, b = np.array([2, 22, 5, 12]), np.array([10, 30, 25, 50])
-    assert group_overlapping_loops(a, b, track).tolist() == [
-        0,
-        0,
-        0,
-        1,
-    ]  # (12, 50) passes over (22, 30), no more
+    # (12, 50) passes over (22, 30), no more.
+    assert group_overlapping_loops(a, b, track).tolist() == [0, 0, 0, 1]
     assert group_overlapping_loops(a, b, np.zeros(60, int)).tolist() == [0, 0, 0, 0]
 
 
@@ -392,7 +378,7 @@ def test_one_loop_goes_on_for_ever_within_a_track_alone():
     assert not can_play_for_ever(graph, np.repeat([0, 1], 20)).any()
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
     """Against a graph of all rows: each is followed by the next, or by what is shown instead."""
     rng = np.random.default_rng(seed)
@@ -419,13 +405,6 @@ def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
         np.testing.assert_array_equal(together[mine.argmax()], mine)
     else:
         assert not graph.cyclic.any()
-
-
-def test_the_first_component_has_the_most_film_not_the_most_loops():
-    many = [(5, 15), (10, 20), (17, 25)]
-    graph = build_loop_graph(table_of(*many, (60, 110)), np.zeros(120, int))
-    assert graph.component[np.searchsorted(graph.ends, 60)] == 0
-    assert rows_of_largest_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
 
 
 def test_jumps_are_sorted_by_distance():
@@ -484,9 +463,7 @@ def test_a_table_for_people_has_at_most_26_ends_of_one_track():
     some = choose_table_ends(np.arange(50, 350), track)
     assert len(some) == 26 and some[0] == 50 and some[-1] == 349
     assert np.diff(some).max() <= 2 * np.diff(some).min()
-    assert np.unique(np.diff(choose_table_ends(np.r_[50:90, 340:350], track)) > 0).tolist() == [
-        True
-    ]
+    assert (np.diff(choose_table_ends(np.r_[50:90, 340:350], track)) > 0).all()
 
 
 def test_routes_are_told_stretch_by_stretch(fig10):
@@ -508,18 +485,14 @@ def test_routes_are_told_stretch_by_stretch(fig10):
 @pytest.mark.parametrize("threshold", [0.2, 0.0])
 def test_too_low_a_threshold_is_told_which_would_have_done(unit, threshold):
     film = np.r_[np.arange(20.0), np.arange(20.0) + 0.304][:, None] * unit
+    given = film_map(film), still(40), RATE, unit
     with pytest.raises(FinloopError) as error:
-        find_video_loops(
-            film_map(film), still(40), RATE, unit, settings(distance_threshold=threshold)
-        )
+        find_video_loops(*given, settings(distance_threshold=threshold))
     assert f"loops.distance_threshold {threshold:g} (median" in error.value.came
     assert "loops.distance_threshold=0.31 " in error.value.do
-    loops, _ = find_video_loops(
-        film_map(film), still(40), RATE, unit, settings(distance_threshold=0.31)
-    )
-    assert len(loops)
+    assert len(find_video_loops(*given, settings(distance_threshold=0.31))[0])
     with pytest.raises(FinloopError):
-        find_video_loops(film_map(film), still(40), RATE, unit, settings(distance_threshold=0.3))
+        find_video_loops(*given, settings(distance_threshold=0.3))
 
 
 @pytest.mark.parametrize(
@@ -585,7 +558,7 @@ def check_cases(three):
     assert shown[2] > shown[0]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_whatever_loops_are_found_their_ways_are_those_of_fig10(seed):
     rng = np.random.default_rng(seed)
     pairs = np.unique(np.sort(rng.integers(0, 200, (12, 2)), axis=1), axis=0)
@@ -623,7 +596,7 @@ def test_stretches_are_of_one_track_and_hold_what_is_inside():
     assert find_runs(np.zeros(12, bool), track) == []
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_no_film_lies_below_two_groups(seed):
     rng = np.random.default_rng(seed)
     track = np.sort(rng.integers(0, 6, 150))
@@ -770,9 +743,7 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
         "best_and_worst.png", "fig10.png", "fig11.png", "fig13.png", "over_tank.png", "over_time.png",
     ]  # fmt: skip
     table = pd.read_csv(toy / "data/loops/position_table.csv", index_col=0)
-    assert (
-        list(table.columns) == list(table.index) == list("ABCDEFGHIJKLMNOPQRSTUVWXYZ")[: len(table)]
-    )
+    assert list(table.columns) == list(table.index) == list(ascii_uppercase)[: len(table)]
     assert set(table.stack().dropna()) == {1}
     assert all(load_picture(picture).ndim == 3 for picture in drawn.glob("*.png"))
     metrics = load_numbers(reports)
@@ -810,18 +781,12 @@ def test_the_three_ways_of_a_film_are_drawn_with_a_dotted_line_a_jump(toy, monke
     frame = table["frame"].to_numpy()
     for axes, way, jumps in zip(lower.axes, three.cases, (1, 1, 2), strict=True):
         dotted = [line for line in axes.lines if line.get_linestyle() == ":"]
-        solid = [
-            line
-            for line in axes.lines
-            if line.get_linestyle() == "-" and len(line.get_xdata()) == 2
-        ]
+        solid = [line.get_xdata() for line in axes.lines if line.get_linestyle() == "-"]
         assert len(dotted) == jumps
-        played = sum(line.get_xdata()[1] - line.get_xdata()[0] for line in solid)
+        played = sum(x[1] - x[0] for x in solid if len(x) == 2)
         assert played == sum(b - a for a, b, how in way if how == PLAY)
         named = [text.get_text() for text in axes.texts]
-        assert (
-            "".join(named) == spell_route(way, three.ends) and named[0] == "G" and named[-1] == "F"
-        )
+        assert "".join(named) == spell_route(way, three.ends) and named[0] + named[-1] == "GF"
         assert axes.texts[0].xy[0] == frame[three.ends[6]]
     plain = " ".join(axes.get_title("left") for axes in lower.axes)
     assert re.findall(r"(\d) jumps?", plain) == ["1", "1", "2"]
@@ -844,17 +809,12 @@ def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path,
     assert abs(loop.travel_deg) == pytest.approx(180) and loop.heading_deg == pytest.approx(0)
     with opened as film:
         figure = figure13(loop, Reel(table, film), BODY, np.full((120, 360), 200, np.uint8), "")
-    arrows = [
-        (np.subtract(text.xy, text.get_position()), text.arrow_patch.get_edgecolor())
-        for text in figure.subfigs[0].axes[0].texts
-        if getattr(text, "arrow_patch", None) is not None
-    ]
-    colours = {colour for _, colour in arrows}
-    assert len(colours) == 2 and len(arrows) == 4  # headings at a, at b, and mean; travel
-    ahead = {
-        colour: np.mean([way[0] for way, one in arrows if one == colour]) for colour in colours
-    }
-    assert sorted(np.sign(list(ahead.values()))) == [-1, 1]  # opposed
+    ahead = defaultdict(list)  # of the arrows of each colour, how far to the right they lead
+    for text in figure.subfigs[0].axes[0].texts:
+        if getattr(text, "arrow_patch", None) is not None:
+            ahead[text.arrow_patch.get_edgecolor()].append(text.xy[0] - text.get_position()[0])
+    assert sorted(map(len, ahead.values())) == [1, 3]  # travel; headings at a, at b, and mean
+    assert sorted(np.sign([np.mean(one) for one in ahead.values()])) == [-1, 1]  # opposed
 
 
 @pytest.mark.usefixtures("no_drawing")
@@ -872,14 +832,3 @@ def test_stage_with_a_threshold_of_zero_says_what_would_do(tmp_path, monkeypatch
     listed = [*outs["outs"], *outs["metrics"]]
     names = [next(iter(one)) if isinstance(one, dict) else one for one in listed]
     assert made == {Path(name).name for name in names if name.startswith("reports/")}
-
-
-@pytest.mark.usefixtures("no_drawing")
-def test_stage_on_one_track_of_ten_frames(tmp_path, monkeypatch, capsys):
-    put_film(tmp_path, n=10, tracks=1)
-    monkeypatch.chdir(tmp_path)
-    stages.loops.main()
-    assert "one track of 10 frames" in capsys.readouterr().err
-    stages.plots.loops.main()
-    assert len(list((tmp_path / "reports/motion/loops").glob("*.png"))) == 6
-    assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty

@@ -117,13 +117,8 @@ def player_in(mode, pose=BODY, **changes):
 
 def in_film(film, rng, room=None):
     """A fish somewhere in the tank, at a row from which the film goes on."""
-    row = int(
-        rng.choice(
-            np.flatnonzero(
-                film.has_next[:-2] & film.can_play_on(np.arange(1, len(film.has_next) - 1))
-            )
-        )
-    )
+    goes_on = film.has_next[:-2] & film.can_play_on(np.arange(1, len(film.has_next) - 1))
+    row = int(rng.choice(np.flatnonzero(goes_on)))
     rot = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
     x, y = (room or open_tank()).random_point(rng)
     heading = float(wrap_deg(film.heading[row] + rot))
@@ -197,9 +192,8 @@ def test_never_outside_the_tank(mode, pose):
     for seed in range(3 if mode == "matching" else 2):
         goals = random_goals(player.world, 3, np.random.default_rng(seed))
         _, table = edit_of(player, goals, 1000, seed)
-        assert all(
-            is_legal_point(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy()
-        )
+        places = table[["x_px", "y_px"]].to_numpy()
+        assert all(is_legal_point(open_tank().legal, x, y) for x, y in places)
         assert measures.count_ticks_outside(table, player) == 0
 
 
@@ -221,19 +215,12 @@ def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode
     """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
     swims = []
     for rate in (RATE, 8 * RATE):
-        parts = animate_fish(
-            player_of_a_film_at(rate, mode), A, 600, np.random.default_rng(3)
-        ).stretches
-        columns = [
-            np.concatenate([getattr(one, name) for one in parts])
-            for name in ("trajectory", "number")
-        ]
-        rots = np.concatenate(
-            [np.zeros(len(one.trajectory)) if one.rot is None else one.rot for one in parts]
-        )
-        swims.append((*columns, rots, [one.decision.reason for one in parts]))
+        player = player_of_a_film_at(rate, mode)
+        parts = animate_fish(player, A, 600, np.random.default_rng(3)).stretches
+        swims.append([(one.trajectory, one.number, one.rot, one.decision.reason) for one in parts])
     for one, quicker in zip(*swims, strict=True):
-        np.testing.assert_array_equal(one, quicker)
+        for mine, other in zip(one, quicker, strict=True):
+            np.testing.assert_array_equal(mine, other)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -333,6 +320,15 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
         assert (np.diff(one.number) == 1).all() and film.has_next[one.number[:-1]].all()
         heading = film.heading[one.number] + one.rot
         assert wrap_deg(one.trajectory[:, 2] - heading) == pytest.approx(0, abs=1e-9)
+        if one.decision.reason != "spot":  # each row leads as its fish swam, turned
+            shown = [one] if before is None else [before, one]
+            way, number, rot = (
+                np.concatenate([getattr(part, name) for part in shown])[-len(one.rot) - 1 :]
+                for name in ("trajectory", "number", "rot")
+            )
+            rows = zip(number[:-1], rot[:-1], strict=True)
+            goes = [rotate(film.dx[row], film.dy[row], angle) for row, angle in rows]
+            assert np.diff(way[:, :2], axis=0) == pytest.approx(np.array(goes), abs=1e-6)
         if before is not None:
             last, first = before.number[-1], one.number[0]
             assert one.new == (first != last + 1)
@@ -351,53 +347,11 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
     assert (edit["weight"] > 0).any()  # joins are cross-fades
 
 
-@pytest.mark.parametrize("pose", [BODY, FILM])
-def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_way(pose):
-    most, player = settings("loops").improper_angle_deg, player_in("loops", pose)
-    film, rng, legal, other = posed_film(pose)[0], np.random.default_rng(4), 0, 0
-    state = player.begin(rng)
-    goal = Goal("A", *open_tank().random_point(rng))
-    for _ in range(250):
-        before = state.fish
-        stretch, state = player.plan(state, goal, rng)
-        if stretch.touches_goal:
-            goal = Goal("A", *open_tank().random_point(rng))
-        if stretch.decision.reason == "spot":
-            continue
-        last = before.row, before.rot
-        for place, to, number, rot in zip(
-            [(before.x, before.y), *stretch.trajectory[:-1, :2]], stretch.trajectory[:, :2],
-            [last[0], *stretch.number], [last[1], *stretch.rot], strict=False,
-        ):  # fmt: skip
-            goes = rotate(film.dx[number], film.dy[number], rot)
-            assert np.subtract(to, place) == pytest.approx(goes, abs=1e-6)
-        why = stretch.decision
-        if not why.quadrant:  # no way was legal: then it only stays inside
-            assert (
-                why.candidates
-                == why.candidates_tank + why.candidates_quadrant + why.candidates_heading
-                > 0
-            )
-            other += 1
-        elif not stretch.touches_goal and len(stretch.trajectory) > 1:
-            (x, y, heading), (to_x, to_y, _) = stretch.trajectory[[0, -1]]
-            assert quadrant_of_displacement(to_x - x, y - to_y) == quadrant_of_displacement(
-                goal.x_px - x, y - goal.y_px
-            )
-            assert why.quadrant == quadrant_of_displacement(to_x - x, y - to_y)
-            assert abs(wrap_deg(bearing(x, y, to_x, to_y) - heading)) <= most + 1e-9
-            legal += 1
-    assert legal > 30 and other > 5
-
-
 @pytest.mark.parametrize("choice", ["play", "jump", "any"])
 def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choice):
     """Fig. 10b."""
-    mode, rng, took = (
-        loops_of(loop_end_choice=choice),
-        np.random.default_rng(5),
-        {True: 0, False: 0},
-    )
+    mode, rng = loops_of(loop_end_choice=choice), np.random.default_rng(5)
+    took = {True: 0, False: 0}
     film, ends = mode.film, np.flatnonzero(loops_of().ends)
     for _ in range(300):
         fish = in_film(film, rng)._replace(row=int(rng.choice(ends)))
@@ -428,10 +382,8 @@ def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choi
 @pytest.mark.parametrize("choice", ["play", "jump"])
 def test_after_a_jump_comes_at_least_so_much_film(stay, choice):
     """Even where a goal is touched soon, or a live fish is sent elsewhere."""
-    player, rng = (
-        player_in("loops", min_deltas_between_jumps=stay, loop_end_choice=choice),
-        np.random.default_rng(6),
-    )
+    player = player_in("loops", min_deltas_between_jumps=stay, loop_end_choice=choice)
+    rng = np.random.default_rng(6)
     film, gaps, since = player.mode.film, [], None
     state = player.begin(rng)
     for _ in range(400):
@@ -467,10 +419,8 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
     ends = partners(STRAIGHT_LOOPS)
     for _ in range(20):
         found = mode.next_stretch(fish, spot(100, 300), rng)
-        assert (
-            found.decision.reason == "spot"
-            and found.decision.candidates_tank == found.decision.candidates
-        )
+        assert found.decision.reason == "spot"
+        assert found.decision.candidates_tank == found.decision.candidates
         assert (found.trajectory == [x, 300.0, 0.0]).all() and not found.touches_goal
         assert found.new == (found.number[0] != fish.row + 1)
         if found.new:
@@ -480,11 +430,15 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
         assert (fish.x, fish.y) == (x, 300.0)
 
 
-def test_a_dead_end_is_never_played_into():
-    player = paper_player(loops_of(film_with_dead_ends()))
-    goes_on = player.mode.film.can_play_on(np.arange(len(player.mode.film.has_next) - 1))
+@pytest.mark.parametrize("mode", ["loops", "matching"])
+def test_a_dead_end_is_never_played_into(mode):
+    film = film_with_dead_ends()
+    player = (
+        matching_of(film_world_of(film)) if mode == "matching" else paper_player(loops_of(film))
+    )
+    goes_on = film.can_play_on(np.arange(len(film.has_next) - 1))
     assert not goes_on.all()
-    for seed in range(3):
+    for seed in range(2):
         found, _ = edit_of(player, [], 2000, seed)
         assert goes_on[np.concatenate([one.number for one in found.stretches])].all()
         assert sum(one.new for one in found.stretches) > 20
@@ -512,14 +466,12 @@ def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, row
     """No way leads back: what lies behind is of no quadrant that any loop end is in."""
     mode = loops_of(three_ways(), loop_end_choice="any")
     fish = Fish(300.0, 300.0, 0.0, 2.0, IN_FILM, -1, row=19, since=100)
-    found = [
-        mode.next_stretch(fish, spot(*goal), np.random.default_rng(seed)) for seed in range(30)
-    ]
+    draws = map(np.random.default_rng, range(30))
+    found = [mode.next_stretch(fish, spot(*goal), rng) for rng in draws]
     assert {int(one.number[0]) for one in found} == (rows or {20, 170, 320})
     for one in found:
-        assert one.trajectory[0] == pytest.approx((300 + STEP, 300, 0)) and one.new == (
-            one.number[0] > 20
-        )
+        assert one.trajectory[0] == pytest.approx((300 + STEP, 300, 0))
+        assert one.new == (one.number[0] > 20)
         assert one.decision.candidates == 3 and one.decision.quadrant == (quadrant_ if rows else 0)
         assert one.decision.candidates_quadrant == 3 - len(rows)
 
@@ -553,11 +505,6 @@ def test_frames_turn_by_what_they_turned_in_the_film():
     film_deg = table.loc[table["sequence"] == "left", "turn_deg"].to_numpy()
     assert plan.film_deg == pytest.approx(film_deg[:-1].sum())
     assert np.diff(plan.share) * 120 == pytest.approx(film_deg[:-1], abs=2.5)
-
-
-def test_a_turn_half_as_deep_never_shows_the_deepest_frames():
-    plan = plan_turn(order().turns[RIGHT], 40, 0.5, DELTA, settings("network"))
-    assert sprites().loc[plan.frames, "motion_area_rel"].max() < 0.8
 
 
 # --- network
@@ -635,7 +582,7 @@ def test_a_turn_bends_as_far_as_the_network_says(network):
     assert motion_area_errors(table)["turn_area_missed_median"] == pytest.approx(missed)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_sprites_reach_all_goals_and_turn_towards_them_tick_by_tick(network, seed):
     goals = random_goals(network.world, 3, np.random.default_rng(seed))
     found, table = edit_of(network, goals, 1500, seed)
@@ -643,16 +590,6 @@ def test_sprites_reach_all_goals_and_turn_towards_them_tick_by_tick(network, see
     assert not np.isnan(ticks).any() and list(found.reached) == list(ticks)
     assert turn_measures(table)["turns_monotone_pct"] == 100
     assert set(table["kind"]) == {SPRITE} and set(table["mode"]) == {"network"}
-
-
-def test_nothing_teleports(network):
-    _, table = edit_of(network, [], 3000, 4)
-    moved_ = np.hypot(*np.diff(table[["x_px", "y_px"]].to_numpy(), axis=0).T)
-    assert moved_.max() <= phases().high / RATE * LENGTH * np.sqrt(2) + 1e-6
-    spun = np.abs(wrap_deg(np.diff(table["heading_deg"].to_numpy(float))))
-    straight = (table["state"] != "turn").to_numpy()[1:]
-    drifts = np.abs(np.diff(phases().drift_deg)).max()
-    assert spun[straight].max() <= drifts + 1
 
 
 def test_when_the_goals_are_done_the_fish_wanders_on(network):
@@ -688,22 +625,15 @@ def test_a_wandering_fish_swims_as_the_film_does(network):
     assert far["turn_rate_kinematic_distance_sd"] < 0.5
 
 
-def test_a_way_leads_round_a_wall_to_the_goal():
+def test_a_way_leads_round_a_wall_to_the_goal_and_into_a_corner():
     arena = ARENA.copy()
     arena[:380, 390:410] = False
     player = paper_player(network_of(world_of(make_tank(arena, 0.6 * LENGTH))))
-    goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 200.0, 100.0)]
+    goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 38.0, 30.0)]
     _, found = edit_of(player, goals, 2500, 3)
     assert not np.isnan(measures.arrival_ticks(found, goals, TOUCH, HEAD)).any()
-    assert all(
-        is_legal_point(player.world.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy()
-    )
-
-
-def test_a_goal_in_a_corner_is_touched(network):
-    goals = [Goal("A", 38.0, 30.0), Goal("B", 760.0, 570.0)]
-    _, table = edit_of(network, goals, 1500, 5)
-    assert not np.isnan(measures.arrival_ticks(table, goals, TOUCH, HEAD)).any()
+    legal = player.world.tank.legal
+    assert all(is_legal_point(legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
 
 
 # --- hybrid
@@ -753,20 +683,6 @@ def test_every_switch_goes_through_a_gateway_as_it_is_listed(pose):
     assert 30 < numbers["film_pct"] < 100
 
 
-def test_between_switches_the_film_goes_on_by_its_loops():
-    film, _, pairs = posed_film(BODY)
-    found, _ = edit_of(player_in("hybrid"), A, 2500, 3)
-    ends, jumps = partners(pairs), 0
-    for before, one in pairwise(found.stretches):
-        if before.kind == one.kind == FRAME:
-            last, first = before.number[-1], one.number[0]
-            assert ((last + 1, first) in ends) if one.new else first == last + 1
-            jumps += one.new
-        if one.kind == FRAME:
-            assert (np.diff(one.number) == 1).all() and film.has_next[one.number[:-1]].all()
-    assert jumps > 3
-
-
 @pytest.mark.parametrize("speed", [0.6, 1.3])
 def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
     """After the film always comes a tail beat; the only way out leads to its fourth sprite."""
@@ -779,9 +695,8 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
         starts = mode.loops.next_candidates(fish)
         angle = np.radians(fish.heading)
         goal = spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
-        left = mode.leave_film(
-            fish, mode.loops.roll_out(mode.loops.next_place(fish), starts, goal), goal
-        )
+        ways = mode.loops.roll_out(mode.loops.next_place(fish), starts, goal)
+        left = mode.leave_film(fish, ways, goal)
         assert list(left.number) == [3] and left.new and left.decision.exit == "no_way"
         there = mode.end_state(fish, left)
         assert (there.row, there.sprite, there.since) == (-1, 3, 1)
@@ -811,7 +726,7 @@ def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
 @pytest.mark.parametrize("pose", [BODY, FILM])
 def test_hybrid_reaches_all_goals_in_the_open_tank(pose):
     player = player_in("hybrid", pose)
-    for seed in range(4):
+    for seed in range(2):
         goals = random_goals(player.world, 3, np.random.default_rng(seed))
         found, table = edit_of(player, goals, 2500, seed)
         assert not np.isnan(measures.arrival_ticks(table, goals, TOUCH, HEAD)).any()
@@ -828,17 +743,11 @@ def test_hybrid_without_loops_or_gateways_is_network_mode(network):
 
 
 def test_gateways_that_lead_nowhere_are_not_taken():
-    last = np.flatnonzero(~rich_film().has_next)
-    gates = gateways()
-    gates = gates[gates["direction"] == "in"].iloc[: len(last)].assign(row=last)
-    _, table = edit_of(paper_player(hybrid_of(gates=gates)), [], 600, 1)
-    assert (table["kind"] == SPRITE).all()
-
-
-def test_film_from_which_no_gateway_leads_is_not_entered():
-    gates = gateways().query("direction == 'in'")
-    _, table = edit_of(paper_player(hybrid_of(gates=gates)), [], 1500, 1)
-    assert (table["kind"] == SPRITE).all()
+    """Film that ends, and film from which no gateway leads."""
+    last, leads_in = np.flatnonzero(~rich_film().has_next), gateways().query("direction == 'in'")
+    for gates in (leads_in.iloc[: len(last)].assign(row=last), leads_in):
+        _, table = edit_of(paper_player(hybrid_of(gates=gates)), [], 600, 1)
+        assert (table["kind"] == SPRITE).all()
 
 
 def test_a_sprite_has_an_orientation_and_a_frame_has_none():
@@ -853,12 +762,10 @@ def test_a_sprite_has_an_orientation_and_a_frame_has_none():
     ("mode", "ticks"), [*((m, None) for m in PAPER), *product(["matching"], [0, 3])]
 )
 def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode, ticks):
-    matching = (
-        {}
-        if ticks is None
-        else {"search_step_deltas": 2.0, "cross_fade_deltas": ticks / DELTA, "join": FADE}
-    )
-    player = player_in(mode, **matching)
+    changes = {}
+    if mode == "matching":
+        changes = {"search_step_deltas": 2.0, "cross_fade_deltas": ticks / DELTA, "join": FADE}
+    player = player_in(mode, **changes)
     found, table = edit_of(player, A, 1500, 2)
     fade = player.joins.fade if ticks is None else ticks
     film = rich_film()

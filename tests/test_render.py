@@ -120,12 +120,6 @@ def test_every_alpha_over_every_level_is_rounded_as_the_cutout():
         assert np.array_equal(shown, Cutout(0, 0, 0, 0, pixels).blend_over(level))
 
 
-@pytest.mark.parametrize("shift", [(0.5, 0.0), (0.0, 0.5), (0.25, -0.1), (3.9, 7.3)])
-def test_a_shift_by_a_part_of_a_pixel_moves_the_mass_centre_by_it(shift):
-    at = [mass_centre(paint_fish(60 + x, 40 + y, fish())) for x, y in (shift, (0, 0))]
-    assert at[0] - at[1] == pytest.approx(shift, abs=0.02)  # levels are whole
-
-
 def test_the_mass_centre_is_where_it_is_asked_for_however_turned_and_scaled():
     for angle in range(0, 360, 17):
         for scale in (0.7, 1.0, 1.6):
@@ -169,13 +163,6 @@ def test_scale_scales_areas():
     assert np.array(masses) / masses[0] == pytest.approx([1, 2.25, 4], rel=0.01)
 
 
-def test_a_turn_there_and_back_loses_little():
-    there = paint_fish(60, 45, fish(rotation_deg=33.0))
-    again = np.dstack([there, there])
-    back = paint_fish(60, 45, TurnedPicture(pad_picture(again, 60.0, 45.0), -33.0))
-    assert np.abs(back.astype(int) - paint_fish(60, 45, fish())).max() <= 6
-
-
 @pytest.mark.parametrize("weight", [0.0, 0.25, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("channels", [2, 4])
 def test_a_crossfade_is_linear_between_either_alone(weight, channels):
@@ -189,14 +176,6 @@ def test_a_crossfade_is_linear_between_either_alone(weight, channels):
     assert np.abs(faded - ((1 - weight) * alone[0] + weight * alone[1])).max() <= 1.001
     if weight in (0.0, 1.0):
         assert np.array_equal(faded, alone[int(weight)])
-
-
-def test_a_fish_is_transparent_in_proportion():
-    """Blending is linear in the tank's level, too."""
-    one = fish(rotation_deg=20.0)
-    tanks = [np.full_like(BLACK, level) for level in (0, 100, 200)]
-    levels = [paint_fish(60.2, 40.7, one, tank=tank).astype(float) for tank in tanks]
-    assert np.abs(levels[1] - (levels[0] + levels[2]) / 2).max() <= 1
 
 
 @pytest.mark.parametrize("level", [0, 90, 255])
@@ -223,26 +202,6 @@ def test_a_bright_fish_never_overflows():
         turned = (TurnedPicture(pad_picture(one, 9.5, 9.5), angle, 1.3) for one in (pixels, black))
         bright, dark = (paint_fish(60.4, 44.3, one, tank=white) for one in turned)
         assert (bright >= dark).all()  # what overflowed would begin at 0 again
-
-
-def test_fish_that_do_not_overlap_commute():
-    a, b = fish(rotation_deg=10.0), fish(drop(level=0.4), rotation_deg=200.0)
-    painters = [Painter(BLACK), Painter(BLACK)]
-    boxes = [painters[0].draw(30.2, 40.9, a), painters[0].draw(85.7, 44.1, b)]
-    painters[1].draw(85.7, 44.1, b)
-    painters[1].draw(30.2, 40.9, a)
-    both = np.maximum(paint_fish(30.2, 40.9, a), paint_fish(85.7, 44.1, b))
-    assert boxes[0].right <= boxes[1].left
-    assert all(np.array_equal(painter.frame, both) for painter in painters)
-
-
-def test_fish_that_overlap_hide_each_other_in_order():
-    solid = np.full((11, 11, 2), 255, np.uint8)
-    dark = np.dstack([np.zeros((11, 11)), solid[..., 1]]).astype(np.uint8)
-    painter = Painter(BLACK)
-    painter.draw(50, 40, TurnedPicture(pad_picture(solid, 5.0, 5.0)))
-    painter.draw(50, 40, TurnedPicture(pad_picture(dark, 5.0, 5.0)))
-    assert painter.frame[40, 50] == 0
 
 
 def test_what_lies_outside_is_cut_off():
@@ -291,17 +250,6 @@ def test_a_wiped_canvas_is_the_floor_and_the_background_is_untouched():
 
 def placed_at(x, y):
     return PlacedFish(x, y, fish(), None, 0.0)
-
-
-def test_the_box_holds_all_that_was_drawn():
-    for angle in range(0, 360, 11):
-        painter = Painter(BLACK)
-        pixels = np.full((9, 40, 2), 255, np.uint8)
-        box = painter.draw(60.3, 45.4, TurnedPicture(pad_picture(pixels, 8.0, 4.0), angle, 1.3))
-        rows, columns = np.nonzero(painter.frame)
-        found = Box(rows.min(), columns.min(), rows.max() + 1, columns.max() + 1)
-        assert np.all(np.abs(np.subtract(found, box)) <= 3)
-        assert Box.enclose([found, box]) == box
 
 
 # --- edit lists ----------------------------------------------------------------------------------
@@ -385,13 +333,6 @@ def test_a_shadow_comes_little_by_little_as_fish_come_together():
         totals = [int(one.sum()) for one in dark]
         steps = [np.abs(np.diff(pair, axis=0)).max() for pair in zip(dark, dark[1:], strict=False)]
         assert max(totals) > totals[-1] + 1000 and max(steps) <= 10
-
-
-def test_a_shadow_is_deeper_the_larger_its_share_and_falls_on_all_below():
-    three = square(50.0, 240), square(50.0, 230, side=14), square(62.0, 100)
-    some, more = (paint_shadows(*three, share=share)[1] for share in (0.2, 0.4))
-    assert 0 < some.sum() < more.sum() < 2.3 * some.sum()
-    assert paint_shadows(three[0], three[2])[1].any() and paint_shadows(three[1], three[2])[1].any()
 
 
 def test_tables_in_which_fish_are_not_as_long_are_refused():
@@ -490,11 +431,8 @@ FADE = {"weight": 0.5, "partner_kind": "frame", "partner_rotation_deg": 0.0, "pa
     ("harm", "said"),
     [
         ({"source": [0, 3, 3]}, r"tick 1: source is 3, wanted a frame, 0 … 2 \(and at 1 more"),
-        ({"source": [0, 0, -1]}, "tick 2: source is -1"),
         ({"kind": "sprite"}, "kind is sprite, wanted frame"),
         ({"scale": [1.0, 0.0, 1.0]}, "tick 1: scale is 0.0, wanted more than 0"),
-        ({"scale": -1.0}, "scale is -1.0"),
-        ({"scale": np.inf}, "scale is inf"),
         ({"rotation_deg": np.inf}, "rotation_deg is inf"),
         ({"x_px": np.nan}, "x_px is nan"),
         ({"weight": 1.5}, "weight is 1.5"),
@@ -516,12 +454,9 @@ def test_what_cannot_be_drawn_is_said_at_once(harm, said):
         ({"orientation": [1, 24, 25]}, "tick 2: orientation is 25, wanted an orientation, 1 … 24"),
         ({}, "tick 0: orientation is <NA>"),
         ({"orientation": 1, "source": 2}, "source is 2, wanted a sprite, 0 … 1"),
-        (
-            {"orientation": 1, **FADE, "partner_kind": "sprite", "partner": 0},
-            "partner_orientation is",
-        ),
+        ({"orientation": 1, **FADE, "partner_kind": "sprite", "partner": 0}, "partner_orientation is"),
     ],
-)
+)  # fmt: skip
 def test_a_sprite_that_is_in_no_orientation_is_refused(harm, said):
     stored = CutoutSet([Cutout(0, 0, 10, 20, drop())] * 48, np.full((2, 2), 25.0), 24)
     with pytest.raises(FinloopError, match=said):
@@ -696,7 +631,7 @@ def clip(count, shape):
         yield frame
 
 
-@pytest.mark.parametrize("shape", [(48, 64), (48, 64, 3), (47, 63), (47, 63, 3)])
+@pytest.mark.parametrize("shape", [(48, 64), (47, 63, 3)])
 def test_an_mp4_comes_back(tmp_path, shape):
     path = tmp_path / "a.mp4"
     frames = list(clip(20, shape))
@@ -705,10 +640,8 @@ def test_an_mp4_comes_back(tmp_path, shape):
         stream = container.streams.video[0]
         codec = stream.codec_context
         assert (stream.average_rate, stream.frames, codec.pix_fmt) == (RATE, 20, "yuv420p")
-        assert (stream.height, stream.width) == (
-            48,
-            64,
-        )  # odd sides repeat their last row or column
+        # Odd sides repeat their last row or column.
+        assert (stream.height, stream.width) == (48, 64)
         assert (codec.color_range, codec.colorspace) == (ColorRange.MPEG, Colorspace.ITU709)
         assert codec.color_primaries == codec.color_trc == 1
         back = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
@@ -756,13 +689,6 @@ def test_a_webp_comes_back(tmp_path, shape):
         at = np.asarray(film.convert("L")).astype(int)
     assert sum(lasts) == pytest.approx(20 * 1000 / RATE, abs=2) and set(lasts) == {35, 36}
     assert at[round(15 * 48 / shape[0]), round((2 * 19 + 5) * 64 / shape[1])] > 230
-
-
-def test_same_frames_give_the_same_bytes(tmp_path):
-    for make in MAKE:
-        for name in "ab":
-            write_frames(make(tmp_path / name), clip(20, (48, 64)))
-        assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
 MAKE = (
@@ -856,30 +782,19 @@ def test_the_same_edit_list_gives_the_same_bytes_and_a_webp_is_as_short_as_asked
         assert (film.n_frames, film.size) == (10, (100, 76))
 
 
-@pytest.mark.usefixtures("no_drawing")
-def test_without_marks_and_webp_there_is_only_the_film(folder):
-    Path("data/render").mkdir(parents=True)
-    Path("data/render/old.mp4").write_text("of another run")
-    prepare(folder, *NETWORK, "render.marked_film=false", "render.webp_seconds=0.0")
-    stages.render.main()
-    assert set(content(Path("data/render"))) == {"network.mp4"}
-    assert Path("reports/render/metrics.json").exists()  # although nothing switches in it
-
-
 @pytest.mark.parametrize(
     ("harm", "said"),
     [
         (lambda f: edit_columns(f, source=99_999), "wanted a frame"),
-        (lambda f: edit_columns(f, scale=0.0), "wanted more than 0"),
         (lambda f: too_short(f), "there is no animation of it: too short(.|\n)*render.mode="),
         (lambda f: (f / "data/animate/network.parquet").unlink(), "there is no data.animate.network.parquet"),
         (lambda f: (f / "data/animate/network/goals.json").unlink(), "goals.json cannot be read"),
         (lambda f: (f / "data/extract/cutouts.arrow").unlink(), "cutouts.arrow cannot be read"),
         (lambda f: (f / "data/extract/background.png").unlink(), "background.png cannot be read"),
         (lambda f: edit_columns(f, kind="sprite"), "sprites.parquet cannot be read"),
-        (lambda f: edit_columns(f, kind="ghost"), "kind is ghost"),
         (lambda f: prepare(f, *NETWORK, "render.mode=loops"), "there is no data.animate.loops.parquet"),
         (lambda f: _spoil(f / "data/extract/cutouts.arrow"), "is damaged"),
+        (lambda f: lose_a_row(f / "data/extract/tracks.parquet"), "mass centres"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_and_what_was_there_stays(folder, harm, said):
@@ -892,6 +807,11 @@ def test_what_is_wrong_is_said_and_what_was_there_stays(folder, harm, said):
     assert not Path("reports/render").exists()
 
 
+def lose_a_row(path):
+    table = pq.read_table(path)
+    pq.write_table(table.slice(0, table.num_rows - 1), path)
+
+
 def _spoil(path):
     """Make the cut-outs of a store unreadable."""
     data = path.read_bytes()
@@ -900,7 +820,9 @@ def _spoil(path):
 
 @pytest.mark.usefixtures("no_drawing")
 def test_sprites_are_drawn_about_their_own_mass_centres(folder):
-    """The second of two sprites, which lies elsewhere in its picture."""
+    """The second of two, elsewhere in its picture; without marks and WebP there is only the film."""
+    Path("data/render").mkdir(parents=True)
+    Path("data/render/old.mp4").write_text("of another run")
     pixels = [np.pad(drop(31, 4), ((5 * i, 0), (0, 0), (0, 0))) for i in range(2)]
     own = mass_centre(drop()[..., -1].astype(float))
     with CutoutWriter(folder / "data/sprites/sprites.arrow", sprites=True) as store:
@@ -920,20 +842,14 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
     )  # fmt: skip
     prepare(folder, *NETWORK, "render.crf=1", "render.marked_film=false", "render.webp_seconds=0.0")
     stages.render.main()
+    assert set(content(Path("data/render"))) == {"network.mp4"}
+    assert Path("reports/render/metrics.json").exists()  # although nothing switches in it
     tank = load_picture(Path("data/extract/background.png"))
     wanted = paint_fish(160.0, 120.0, fish(drop(31, 4)), tank=tank).astype(int)
     shown = next(_video_frames("data/render/network.mp4")).to_ndarray(format="rgb24")[:241]
     assert np.abs(shown - wanted).mean() < 2 and np.abs(wanted - tank).max() > 60
     around = np.s_[105:136, 145:176]
     assert np.abs(shown - wanted)[around].mean() < 0.1 * np.abs(wanted - tank)[around].mean() + 2
-
-
-def test_masses_and_pictures_that_do_not_match_are_said(folder):
-    path = folder / "data/extract/tracks.parquet"
-    table = pq.read_table(path)
-    pq.write_table(table.slice(0, table.num_rows - 1), path)
-    with pytest.raises(FinloopError, match="mass centres"):
-        stages.render.main()
 
 
 # --- the sheet of switches -----------------------------------------------------------------------
