@@ -65,6 +65,8 @@ def test_a_centre_is_legal_where_the_whole_fish_fits_in():
     rows, columns = np.nonzero(found.legal)
     assert (rows.min(), rows.max()) == (45, 554)
     assert (columns.min(), columns.max()) == (55, 744)
+    found = make_tank(np.ones((100, 100), bool), 20.0)  # the edge of the picture is a wall
+    assert not found.legal[:20].any() and not found.legal[:, -20:].any() and found.legal[50, 50]
 
 
 def disc(radius: float) -> np.ndarray:
@@ -95,13 +97,10 @@ def test_a_film_that_shows_the_tank_piece_by_piece_is_too_short_to_tell_where_it
     floor = np.random.default_rng(0).integers(140, 160, (160, 200)).astype(np.uint8)
     assert tank_area(whole, FilmHulls(wide[order]), "auto", floor).all()
     there = tank_area(whole, FilmHulls(wide), "auto", floor)
-    assert (
-        np.array_equal(tank_area(whole, FilmHulls(wide[order]), "filmed", floor), there)
-        and not there.all()
-    )
-    assert np.array_equal(
-        tank_area(whole, FilmHulls(wide[order]), "auto"), there
-    )  # the floor is not known
+    assert not there.all()
+    assert np.array_equal(tank_area(whole, FilmHulls(wide[order]), "filmed", floor), there)
+    unknown_floor = tank_area(whole, FilmHulls(wide[order]), "auto")
+    assert np.array_equal(unknown_floor, there)
     both = np.concatenate([wide[order], wide[order][::-1]])  # and back again
     assert FilmHulls(both).are_complete
     assert np.array_equal(tank_area(whole, FilmHulls(both), "auto", floor), there)
@@ -134,12 +133,6 @@ def test_where_animals_were_filmed_does_not_depend_on_how_many_are_looked_at_at_
     assert np.array_equal(tank_area(whole, FilmHulls(wide), "filmed"), there)
 
 
-def test_the_edge_of_the_picture_is_a_wall():
-    found = make_tank(np.ones((100, 100), bool), 20.0)
-    assert not found.legal[:20].any() and not found.legal[:, -20:].any()
-    assert found.legal[50, 50]
-
-
 def test_of_two_pools_the_larger_is_the_tank():
     arena = np.zeros((200, 400), bool)
     arena[10:190, 10:120] = True
@@ -149,20 +142,18 @@ def test_of_two_pools_the_larger_is_the_tank():
 
 
 def test_a_fish_that_does_not_fit_into_where_it_was_filmed_may_be_anywhere():
-    whole, wide = np.ones((160, 200), bool), disc(66.0)
-    filmed = tank_area(whole, FilmHulls(wide), "auto")
-    assert not filmed.all() and np.array_equal(
-        choose_fish_area(whole, FilmHulls(wide), 30.0, "auto"), filmed
-    )
-    assert choose_fish_area(whole, FilmHulls(wide), 75.0, "auto").all()
-    assert np.array_equal(
-        choose_fish_area(whole, FilmHulls(wide), 75.0, "filmed"), filmed
-    )  # asked for, so kept to
+    whole, hulls = np.ones((160, 200), bool), FilmHulls(disc(66.0))
+    filmed = tank_area(whole, hulls, "auto")
+    assert not filmed.all()
+    assert np.array_equal(choose_fish_area(whole, hulls, 30.0, "auto"), filmed)
+    assert choose_fish_area(whole, hulls, 75.0, "auto").all()
+    assert np.array_equal(choose_fish_area(whole, hulls, 75.0, "filmed"), filmed)  # asked for
     given = np.zeros((160, 200), bool)
     given[20:60, 20:180] = True
-    assert np.array_equal(choose_fish_area(given, FilmHulls(wide), 30.0, "auto"), given)
-    with pytest.raises(FinloopError, match="smaller than the fish"):
-        make_tank(given, 30.0)
+    assert np.array_equal(choose_fish_area(given, hulls, 30.0, "auto"), given)
+    for small in (given, np.zeros((50, 50), bool)):
+        with pytest.raises(FinloopError, match="smaller than the fish"):
+            make_tank(small, 30.0)
 
 
 @pytest.mark.parametrize("reach", [5.0, 39.0, 41.0, 90.0, 1000.0])
@@ -171,12 +162,6 @@ def test_a_fish_is_drawn_smaller_only_where_it_could_hardly_turn(reach):
     size = size_that_fits(whole, reach)
     assert size == (1 if reach <= 40 else pytest.approx(40 / reach))
     assert make_tank(whole, size * reach).legal.mean() >= 0.2
-
-
-@pytest.mark.parametrize("arena", [np.ones((30, 200), bool), np.zeros((50, 50), bool)])
-def test_a_tank_smaller_than_the_fish_is_refused(arena):
-    with pytest.raises(FinloopError, match="smaller than the fish"):
-        make_tank(arena, 20.0)
 
 
 def test_a_wall_ends_the_sight_and_a_way_leads_round_it():
@@ -192,13 +177,6 @@ def test_a_wall_ends_the_sight_and_a_way_leads_round_it():
         ways += 1
         assert ways < 20
     assert ways > 1
-
-
-def test_a_share_beside_a_slanting_wall_is_moved_into_the_tank():
-    rows, columns = np.mgrid[:160, :200]
-    slanting = make_tank(rows + columns < 200, 10.0)
-    (goal,) = place_goals([[0.6, 0.7]], "tank", slanting, 60.0)
-    assert slanting.arena[round(goal.y_px), round(goal.x_px)]
 
 
 def test_a_point_beyond_the_legal_is_brought_to_its_edge():
@@ -270,13 +248,10 @@ def test_a_wall_is_seen_from_the_distance_in_which_one_can_stop():
 
 
 def test_a_goal_is_touched_by_the_head_before_the_centre():
-    start = np.array([100.0, 500.0, 0.0])
-    none = np.zeros(100)
+    start, none = np.array([100.0, 500.0, 0.0]), np.zeros(100)
+    swim = Ahead(np.full(100, 4.0), none, none)
     for head, tick in ((0.0, 48), (16.0, 44)):  # 100 + 4 · 49 = 296, 4 px before the goal
-        _, _, touched = step.swim_ahead(
-            OPEN, start, Ahead(np.full(100, 4.0), none, none), Target(300.0, 500.0, 4.0, head)
-        )
-        assert touched == tick
+        assert step.swim_ahead(OPEN, start, swim, Target(300.0, 500.0, 4.0, head))[2] == tick
 
 
 @pytest.mark.parametrize("target", [(700.0, 200.0), (450.0, 100.0), (100.0, 520.0)])
@@ -350,9 +325,7 @@ def test_turns_have_the_angle_that_was_swum():
             abs(heading[b] - heading[a - 1]) for a, b in pairwise([*edges, len(kind) - 1])
             if kind[a] != 0
         ]  # fmt: skip
-    assert np.sort(angles) == pytest.approx(np.sort(animation)[-len(angles) :], abs=1e-6) or set(
-        np.round(angles, 6)
-    ) <= set(np.round(animation, 6))
+    assert set(np.round(angles, 6)) <= set(np.round(animation, 6))
     assert len(angles) >= 28
 
 
@@ -366,17 +339,12 @@ def test_a_glide_is_told_from_a_burst():
     assert faster.any() and (found.speed_change[ends][faster] > 0).all()
 
 
-def test_a_mirrored_film_teaches_the_same_turns():
-    one, other = learnt(lessons()).turns, learnt(lessons(mirror=-1)).turns
-    assert other.angle_deg == pytest.approx(one.angle_deg)
-    assert other.forward == pytest.approx(one.forward)
-    assert other.sideways == pytest.approx(one.sideways)
-
-
-def test_a_film_of_a_larger_fish_teaches_the_same():
-    one, other = learnt(lessons()), learnt(lessons(scale=3.0))
+def test_a_film_that_is_mirrored_or_of_a_larger_fish_teaches_the_same():
+    one, other, mirrored = (learnt(lessons(**how)) for how in ({}, {"scale": 3.0}, {"mirror": -1}))
     assert other.body_length_px == pytest.approx(3 * one.body_length_px)
     assert other.turns.forward == pytest.approx(one.turns.forward)
+    for name in ("angle_deg", "forward", "sideways"):
+        assert getattr(mirrored.turns, name) == pytest.approx(getattr(one.turns, name))
     small, large = phases_of(lessons()), phases_of(lessons(scale=3.0))
     assert large.speed_change == pytest.approx(small.speed_change)
 
@@ -450,18 +418,11 @@ def test_a_fade_that_a_new_one_cuts_short_does_not_come_back(player):
 
 
 def straight_list(n: int = 101) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "x_px": np.linspace(100, 500, n),
-            "y_px": 300.0,
-            "heading_deg": 0.0,
-            "state": "straight",
-            "reason": ["turn"] + [None] * (n - 1),
-            "room": [1.0] + [np.nan] * (n - 1),
-            "aim_x_px": 600.0,
-            "aim_y_px": 300.0,
-        }
-    )
+    return pd.DataFrame({
+        "x_px": np.linspace(100, 500, n), "y_px": 300.0, "heading_deg": 0.0, "state": "straight",
+        "reason": ["turn"] + [None] * (n - 1), "room": [1.0] + [np.nan] * (n - 1),
+        "aim_x_px": 600.0, "aim_y_px": 300.0,
+    })  # fmt: skip
 
 
 def test_a_straight_way_to_the_goal_has_no_error(player):
@@ -473,26 +434,18 @@ def test_a_straight_way_to_the_goal_has_no_error(player):
     assert found["straightness"] == pytest.approx(1)
     assert found["time_to_goal_median_s"] == pytest.approx(98 / RATE)
     off = table.assign(y_px=300 + 2 * LENGTH)
-    goals = [Goal("A", 500, 300)]
-    assert measures.measure_goals(off, goals, touching)["goals_reached_pct"] == 0
+    assert measures.measure_goals(off, [Goal("A", 500, 300)], touching)["goals_reached_pct"] == 0
+    in_turn = [Goal("A", 400, 300), Goal("B", 200, 300)]
+    assert np.isnan(measures.arrival_ticks(table, in_turn, 8.0, 0.0)[1])
 
 
-def test_goals_count_only_in_their_order(player):
-    goals = [Goal("A", 400, 300), Goal("B", 200, 300)]
-    assert np.isnan(measures.arrival_ticks(straight_list(), goals, 8.0, 0.0)[1])
-
-
-def test_turns_without_room_are_counted():
+def test_turns_that_turn_away_or_have_little_room_are_counted():
+    for third, share in ((31.0, 0), (20.0, 100)):
+        table = straight_list(5).assign(state="turn", heading_deg=[40.0, 30.0, third, 10.0, 0.0])
+        assert edit_measures.turn_measures(table)["turns_monotone_pct"] == share
     table = straight_list(4).assign(state="turn", reason=["turn", None, "turn", None])
     table["room"] = [0.5, np.nan, 1.0, np.nan]
     assert edit_measures.turn_measures(table)["turns_with_little_room_pct"] == 50
-
-
-def test_a_turn_that_turns_away_is_found():
-    table = straight_list(5).assign(state="turn", heading_deg=[40.0, 30.0, 31.0, 10.0, 0.0])
-    assert edit_measures.turn_measures(table)["turns_monotone_pct"] == 0
-    table["heading_deg"] = [40.0, 30.0, 20.0, 10.0, 0.0]
-    assert edit_measures.turn_measures(table)["turns_monotone_pct"] == 100
 
 
 def test_the_distance_of_samples_is_that_of_scipy():
@@ -515,29 +468,17 @@ def picture_table(kind, source):
     return table.assign(orientation=np.where(table["kind"] == SPRITE, 1, None), mirrored=False)
 
 
-@pytest.mark.parametrize(
-    ("shown", "longest"),
-    [
-        ([1, 2, 3, 4], 0),
-        ([1, 2, 3, 9, 1, 2, 3], 3),
-        ([1, 1, 1, 1], 2),
-        ([1, 2, 1, 2, 1, 2], 2),
-        ([5, 1, 2, 3, 4, 6, 1, 2, 3, 4, 7, 1, 2], 4),
-        ([1, 2, 3] * 8, 12),
-    ],
-)
-def test_longest_exact_repeat(shown, longest):
-    """A frame is no repeat of the sprite of its number."""
-    for kind in (SPRITE, FRAME):
-        assert edit_measures.longest_repeat(picture_table(kind, shown)) == longest
-    kinds = [SPRITE] * 4 + [FRAME] * 4
-    assert edit_measures.longest_repeat(picture_table(kinds, [0, 1, 2, 3, 0, 1, 2, 3])) == 0
-
-
-def test_a_sprite_in_another_orientation_is_no_repeat():
-    table = picture_table(SPRITE, [0, 1, 2, 3, 0, 1, 2, 3])
-    assert edit_measures.longest_repeat(table) == 4
-    assert edit_measures.longest_repeat(table.assign(orientation=[1] * 4 + [2] * 4)) == 0
+def test_the_longest_exact_repeat_is_of_the_very_same_pictures():
+    for shown, longest in (
+        ([1, 2, 3, 4], 0), ([1, 2, 3, 9, 1, 2, 3], 3), ([1, 1, 1, 1], 2), ([1, 2, 1, 2, 1, 2], 2),
+        ([5, 1, 2, 3, 4, 6, 1, 2, 3, 4, 7, 1, 2], 4), ([1, 2, 3] * 8, 12),
+    ):  # fmt: skip
+        for kind in (SPRITE, FRAME):
+            assert edit_measures.longest_repeat(picture_table(kind, shown)) == longest
+    kinds = [SPRITE] * 4 + [FRAME] * 4  # a frame is no repeat of the sprite of its number
+    assert edit_measures.longest_repeat(picture_table(kinds, [0, 1, 2, 3] * 2)) == 0
+    turned = picture_table(SPRITE, [0, 1, 2, 3] * 2).assign(orientation=[1] * 4 + [2] * 4)
+    assert edit_measures.longest_repeat(turned) == 0
 
 
 @pytest.mark.parametrize("kind", [SPRITE, FRAME])
@@ -568,10 +509,9 @@ def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(player):
 def test_steps_and_seams_of_the_film_itself_are_one():
     steps = np.random.default_rng(0).uniform(1, 3, 501)
     assert edit_measures.step_measures(steps, steps)["step_ratio_median"] == 1
-    assert edit_measures.discontinuity_measures(steps, steps)["seam_ratio_median"] == 1
-    assert edit_measures.discontinuity_measures(steps, steps)[
-        "jumps_above_film_p95_pct"
-    ] == pytest.approx(5, abs=0.5)
+    found = edit_measures.discontinuity_measures(steps, steps)
+    assert found["seam_ratio_median"] == 1
+    assert found["jumps_above_film_p95_pct"] == pytest.approx(5, abs=0.5)
     assert edit_measures.discontinuity_measures(np.zeros(0), steps) == {"jumps": 0}
 
 

@@ -2,8 +2,6 @@
 
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from fractions import Fraction
 from xml.etree import ElementTree
@@ -12,6 +10,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from browser import chromium, visit
 from fontTools.pens.recordingPen import RecordingPen
 from fontTools.svgLib.path import parse_path
 from PIL import Image
@@ -23,11 +22,9 @@ from finloop.base.errors import FinloopError
 from finloop.base.paint import Paint, Shape, group_contours, paint_layers, parse_style
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.svg import load_svg
-from finloop.morph.layers import there_and_back
 
 RATE = Fraction(20)
 SVG = "{http://www.w3.org/2000/svg}"
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 FRAMES = 9
 NASTY = 'b<r&"ow'
 
@@ -107,11 +104,8 @@ def contours(d):
 def test_svg_holds_every_frame_to_the_last_digit(tmp_path):
     morph = a_morph()
     root = ElementTree.parse(save_morph(tmp_path, ".svg")).getroot()
-    assert [root.get(name) for name in ("width", "height", "viewBox")] == [
-        "120",
-        "80",
-        "0 0 120 80",
-    ]
+    size = [root.get(name) for name in ("width", "height", "viewBox")]
+    assert size == ["120", "80", "0 0 120 80"]
     (group,) = root
     assert group.get("transform") == "scale(0.001)"
     assert [path.get("id") for path in group] == ["ring", NASTY]
@@ -135,51 +129,33 @@ def test_svg_holds_every_frame_to_the_last_digit(tmp_path):
 
 
 @pytest.mark.parametrize("decimals", [-2, 0, 3, 8])
-def test_svg_on_any_grid_comes_in_again(tmp_path, decimals):
+def test_svg_on_any_grid_comes_in_again_with_its_styles(tmp_path, decimals):
     morph = a_morph()
     step = 10.0**-decimals
     layers = {name: np.round(stack) * step for name, stack in morph.layers.items()}
     size = {"width": 120 * step, "height": 80 * step}
-    drawing = load_svg(
-        save_morph(tmp_path, ".svg", replace(morph, layers=layers, decimals=decimals, **size))
-    )
+    on_grid = replace(morph, layers=layers, decimals=decimals, **size)
+    drawing = load_svg(save_morph(tmp_path, ".svg", on_grid))
     assert (drawing.width, drawing.height) == pytest.approx((120 * step, 80 * step))
     for name, curve in drawing.curves.items():
         np.testing.assert_allclose(curve.points / step, np.round(morph.layers[name][0]), atol=1e-6)
-
-
-def test_svg_that_goes_there_and_back_ends_where_it_begins(tmp_path):
-    root = ElementTree.parse(save_morph(tmp_path, ".svg", there_and_back(a_morph()))).getroot()
-    values = root.find(f".//{SVG}animate").get("values").split(";")
-    assert len(values) == 2 * (FRAMES - 1) + 1
-    assert values == values[::-1]
-
-
-def test_svg_comes_in_again_with_its_styles(tmp_path):
-    drawing = load_svg(save_morph(tmp_path, ".svg"))
-    assert {name: curve.closed for name, curve in drawing.curves.items()} == a_morph().closed
+        assert curve.closed == morph.closed[name]
     assert drawing.styles["ring"] == drawing.styles["ring#2"] == "fill:#ff0000;stroke:none"
-    assert parse_style(drawing.styles[NASTY], 120) == Paint(
-        None, (0, 0, 255), 1, 1, pytest.approx(4)
-    )
+    line = parse_style(drawing.styles[NASTY], 120)
+    assert line == Paint(None, (0, 0, 255), 1, 1, pytest.approx(4))
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium to play it")
 def test_svg_plays_in_a_browser(tmp_path):
     morph, frame = a_morph(), 6
     svg = save_morph(tmp_path, ".svg").read_text()
     seek = f"s.pauseAnimations(); s.setCurrentTime({frame} / {RATE})"
-    (tmp_path / "page.html").write_text(
-        f'<body style="margin:0">{svg}<script>s = document.querySelector("svg"); {seek}</script>'
+    script = f'<script>s = document.querySelector("svg"); {seek}</script>'
+    (tmp_path / "page.html").write_text(f'<body style="margin:0">{svg}{script}')
+    with chromium() as browser:
+        picture = visit(browser, tmp_path / "page.html").page.screenshot()
+    shot = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)[:80, :120, ::-1].astype(
+        int
     )
-    subprocess.run(
-        [
-            CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'user'}",
-            f"--screenshot={tmp_path / 'shot.png'}", "--window-size=500,300", str(tmp_path / "page.html"),
-        ],
-        check=True, capture_output=True, timeout=60,
-    )  # fmt: skip
-    shot = cv2.imread(str(tmp_path / "shot.png"))[:80, :120, ::-1].astype(int)
     assert np.abs(shot - expected_picture(morph, frame)).mean() < 1
     assert np.abs(shot - expected_picture(morph, 0)).mean() > 10
 
@@ -207,12 +183,8 @@ def test_lottie_keeps_layers_and_vertices(tmp_path):
     assert (told["ip"], told["op"], told["fr"]) == (0, FRAMES, 20)
     assert [layer["nm"] for layer in told["layers"]] == [NASTY, "ring"]  # the topmost first
     assert all((layer["ip"], layer["op"]) == (0, FRAMES) for layer in told["layers"])
-    items = {
-        item["nm"]: item
-        for layer in told["layers"]
-        for item in layer["shapes"][0]["it"]
-        if item["ty"] == "sh"
-    }
+    shapes = [shape for layer in told["layers"] for shape in layer["shapes"][0]["it"]]
+    items = {shape["nm"]: shape for shape in shapes if shape["ty"] == "sh"}
     assert items.keys() == morph.layers.keys()
     for name, item in items.items():
         keys = item["ks"]["k"]
@@ -326,13 +298,6 @@ def test_an_unknown_ending_is_named(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_endings_in_capitals(tmp_path):
-    assert save_morph(tmp_path, ".SVG").read_text().startswith("<svg")
-    assert save_morph(tmp_path, ".Lottie.JSON").read_text().startswith('{"v"')
-    with av.open(save_morph(tmp_path, ".MP4")) as film:
-        assert film.format.name.startswith("mov")
-
-
 @pytest.mark.parametrize(
     ("rate", "size"), [(Fraction(0), 64), (Fraction(-3), 64), (Fraction(10**6), 64), (RATE, 0), (RATE, 10**6)]
 )  # fmt: skip
@@ -343,9 +308,12 @@ def test_impossible_numbers(tmp_path, rate, size):
 
 
 @pytest.mark.parametrize("ending", list(ENDINGS))
-def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
+def test_the_same_bytes_again_or_none(tmp_path, ending, monkeypatch):
     path = save_morph(tmp_path, ending, longer_side_px=64)
     before, calls = path.read_bytes(), []
+    again = save_morph(tmp_path, ending.upper(), longer_side_px=64)  # an ending in capitals
+    assert again.read_bytes() == before
+    again.unlink()
 
     def fails(*arguments, **kinds):
         calls.append(1)
@@ -359,9 +327,3 @@ def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
         save_animation(path, a_morph(), RATE, 64)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.parametrize("ending", list(ENDINGS))
-def test_the_same_morph_gives_the_same_bytes(tmp_path, ending):
-    first = save_morph(tmp_path, ending, longer_side_px=64).read_bytes()
-    assert save_morph(tmp_path, ending, longer_side_px=64).read_bytes() == first

@@ -37,18 +37,13 @@ EIGHT = np.array([[10, 10], [60, 60], [60, 10], [10, 60.0]])
 
 def drawing(width=100, height=100, styles=(), **curves):
     """Of arrays (n, 2), open where the name begins with "open"."""
-    return Drawing(
-        {name: Curve(points, not name.startswith("open")) for name, points in curves.items()},
-        width,
-        height,
-        dict(styles),
-    )
+    made = {name: Curve(points, not name.startswith("open")) for name, points in curves.items()}
+    return Drawing(made, width, height, dict(styles))
 
 
 A = drawing(box=SQUARE, open_line=LINE, styles={"box": "fill:red"})
-B = drawing(
-    open_line=LINE + [0, 60], box=TRIANGLE, styles={"box": "fill:blue", "open_line": "stroke:lime"}
-)
+STYLES = {"box": "fill:blue", "open_line": "stroke:lime"}
+B = drawing(open_line=LINE + [0, 60], box=TRIANGLE, styles=STYLES)
 
 
 def far(points, line):
@@ -66,14 +61,11 @@ def far(points, line):
 def test_a_morph_has_every_frame_of_every_layer(method):
     done = morph_drawings(A, B, method, 7, points=64)
     assert list(done.layers) == ["box", "open_line"]  # as the first drawing has them
-    assert {name: stack.shape for name, stack in done.layers.items()} == dict.fromkeys(
-        done.layers, (7, 64, 2)
-    )
+    assert all(stack.shape == (7, 64, 2) for stack in done.layers.values())
+    assert list(done.folds) == list(done.layers)
+    assert all(count.shape == (7,) for count in done.folds.values())
     assert done.closed == {"box": True, "open_line": False}
     np.testing.assert_allclose(done.tau, np.arange(7) / 6)
-    assert {name: count.shape for name, count in done.folds.items()} == dict.fromkeys(
-        done.layers, (7,)
-    )
     assert done.styles == {"box": "fill:red", "open_line": "stroke:lime"}
     assert (done.width, done.height) == (100, 100)
 
@@ -85,14 +77,6 @@ def test_the_ends_are_the_drawings(method):
         assert far(done.layers["box"][frame], box) < 1e-4
         ends = done.layers["open_line"][frame][[0, -1]]
         np.testing.assert_allclose(ends[np.argsort(ends[:, 0])], line[[0, -1]], atol=1e-4)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_drawing_morphed_into_itself_stays(method):
-    done = morph_drawings(A, A, method, 4, points=64)
-    for stack in done.layers.values():
-        np.testing.assert_allclose(stack, np.broadcast_to(stack[0], stack.shape), atol=1e-4)
-    assert all(done.continuous.values())
 
 
 def test_frames_lie_on_the_grid_that_is_told():
@@ -111,11 +95,7 @@ def test_frames_lie_on_the_grid_that_is_told():
 @pytest.mark.parametrize(
     ("method", "one", "other"),
     [
-        (
-            "physical",
-            {"physics": PhysicalOptions(elastic=8.0)},
-            {"physics": PhysicalOptions(elastic=0.5)},
-        ),
+        ("physical", *({"physics": PhysicalOptions(elastic=share)} for share in (8.0, 0.5))),
         ("linear", {"scales": LinearOptions(3, "coif2")}, {"scales": LinearOptions(3, "db4")}),
         ("linear", {"scales": LinearOptions(None)}, {"scales": LinearOptions(3)}),
     ],
@@ -166,9 +146,7 @@ def test_there_and_back_repeats_without_a_jump():
 
 def test_the_faces_do_not_fold():
     done = morph_drawings(*map(load_svg, map(Path, FACES)), "fold_free", 60)
-    assert {name: int(count.max()) for name, count in done.folds.items()} == dict.fromkeys(
-        done.layers, 0
-    )
+    assert not any(count.any() for count in done.folds.values())
     assert all(done.continuous.values())
 
 

@@ -1,21 +1,16 @@
 """The server of the live tank, and its page: strangers, hostile messages, slow pages, a browser."""
 
 import asyncio
-import gc
 import json
-import shutil
 import socket
 from contextlib import contextmanager
 from http.client import HTTPConnection
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
+from browser import chromium
 from conftest import wait_for
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from playwright.sync_api import sync_playwright
-from pydantic import BaseModel
+from hostile import count_objects, hostile_messages
 from serving import serving
 from toy_film import shoaling
 from toy_tank import read, toy_players, view_of
@@ -33,7 +28,6 @@ from finloop.render.gallery import Gallery
 from finloop.social.zones import Zones
 from stages.play import PAGE, _build_parser
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 GOOD = [
     {"do": "goal", "fish": 0, "x": 10.5, "y": 20, "drag": True}, {"do": "goal", "fish": None, "x": 0, "y": 0, "drag": False},
     {"do": "path", "fish": None, "places": [[10, 20.5]]}, {"do": "path", "fish": 1, "places": [[10**5, -(10**5)]] * MOST_PLACES},
@@ -113,50 +107,15 @@ def test_what_is_meant_is_understood_and_nothing_else():
         assert parse_message(json.dumps(wish | {"more": 1})) is None
 
 
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
-    max_leaves=8,
-)  # fmt: skip
-NEARLY = st.sampled_from(GOOD).flatmap(
-    lambda wish: st.fixed_dictionaries({key: st.just(value) | JSON for key, value in wish.items()})
-)
-
-
-@settings(max_examples=25)
-@given(st.text() | st.binary() | (JSON | NEARLY).map(json.dumps))
-def test_no_message_breaks_the_parser(text):
-    wish = parse_message(text)
-    assert wish is None or isinstance(wish, BaseModel)
-
-
-def hostile(count, seed=0):
-    """Messages at random: bad ones, good ones, good ones with bytes changed."""
-    rng = np.random.default_rng(seed)
-    for _ in range(count):
-        kind = rng.integers(4)
-        if kind == 0:
-            yield BAD[rng.integers(len(BAD))]
-        elif kind == 1:
-            yield json.dumps(GOOD[rng.integers(len(GOOD))])
-        elif kind == 2:
-            yield rng.bytes(int(rng.integers(1, 700)))
-        else:
-            text = bytearray(json.dumps(GOOD[rng.integers(len(GOOD))]).encode())
-            for _ in range(int(rng.integers(1, 4))):
-                text[rng.integers(len(text))] = rng.integers(32, 127)
-            yield text.decode()
-
-
-def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
+def test_hostile_messages_neither_crash_nor_grow(monkeypatch):
     monkeypatch.setattr(play_fish, "HISTORY", 50)
+    view = view_of(fish=2)
+    view.gallery = Gallery(view.gallery.cutout_sets, view.gallery.bodies, keep=4)
+    host, pages = TankHost(view), [PageClient() for _ in range(3)]
 
-    async def flood():
-        view = view_of(fish=2)
-        view.gallery = Gallery(view.gallery.cutout_sets, view.gallery.bodies, keep=4)
-        host, pages, counts = TankHost(view), [PageClient() for _ in range(3)], []
+    def hear():
         for part in range(8):
-            for number, text in enumerate(hostile(1250, part)):
+            for number, text in enumerate(hostile_messages(600, part, GOOD, BAD)):
                 host.store_request(pages[number % 3], text)
                 if number % 300 == 0:
                     assert len(host.requests) <= 25
@@ -168,17 +127,10 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
                 host.store_request(pages[0], text)
             host.make_frame(*host.take_requests(), ticks=20)
             toy_players()["network"].mode.cached_turn.cache_clear()
-            gc.collect()
-            counts.append(len(gc.get_objects()))
-        return host, counts
+            yield
 
-    gc.collect()
-    gc.freeze()  # what is there already is not looked through again
-    try:
-        host, counts = asyncio.run(flood())
-    finally:
-        gc.unfreeze()
-    assert host.view.bad_messages > 5000
+    counts = count_objects(hear())
+    assert host.view.bad_messages > 2000
     # What is held differs with what the fish do just then, within bounds that do not rise.
     assert max(counts[4:]) - max(counts[:4]) < 400, counts
 
@@ -199,14 +151,14 @@ def test_text_that_is_no_utf8_ends_the_connection_without_a_traceback(capfd):
 def test_they_do_no_harm_over_the_wire_either():
     with tank() as (address, _):
         with look_in(address) as page:
-            for text in hostile(1500, 9):
+            for text in hostile_messages(600, 9, GOOD, BAD):
                 try:
                     page.send(text)
                 except ConnectionClosed as error:
                     raise AssertionError("it was thrown out") from error
             say(page, do="count", fish=1)
             say(page, do="pause", on=False)
-            bad = until(page, lambda s: s["bad"] > 600 and len(s["fish"]) == 1)["bad"]
+            bad = until(page, lambda s: s["bad"] > 200 and len(s["fish"]) == 1)["bad"]
         with look_in(address) as page:  # one too large ends the connection, not the tank
             page.send("x" * 100_000)
             with pytest.raises(ConnectionClosed):
@@ -222,12 +174,9 @@ def test_they_do_no_harm_over_the_wire_either():
 def test_of_each_kind_of_wish_only_the_last_is_kept_in_their_order():
     host, page = TankHost(view_of(fish=2)), PageClient()
     for x in range(50):
-        host.store_request(
-            page, json.dumps({"do": "goal", "fish": 0, "x": x, "y": 0, "drag": x > 0})
-        )
-        host.store_request(
-            page, json.dumps({"do": "goal", "fish": 1, "x": x, "y": 1, "drag": True})
-        )
+        for fish, drag in ((0, x > 0), (1, True)):
+            goal = {"do": "goal", "fish": fish, "x": x, "y": fish, "drag": drag}
+            host.store_request(page, json.dumps(goal))
     host.store_request(page, '{"do":"drop","fish":0}')
     wishes, steps = host.take_requests()
     assert [(wish.do, wish.fish) for wish in wishes] == [("goal", 0), ("goal", 1), ("drop", 0)]
@@ -393,10 +342,8 @@ def test_an_error_of_the_tank_ends_the_server_and_is_told():
 # --- a browser
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium to look on with")
 def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
-    with tank(mode="network") as (address, view), sync_playwright() as play_:
-        browser = play_.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with tank(mode="network") as (address, view), chromium() as browser:
         page = browser.new_page(viewport={"width": 390, "height": 800})
         wrong, other = [], []
         page.on("console", lambda one: wrong.append(one.text) if one.type != "log" else None)
@@ -515,4 +462,3 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         wait("state.weights[2] === 2.5")
         assert wrong == [] and set(other) == {"document"}
         assert view.bad_messages == 0
-        browser.close()

@@ -1,7 +1,6 @@
 """Live animals: what trackers say, by any way and however hostile, and where animals are and were."""
 
 import asyncio
-import gc
 import itertools
 import json
 import math
@@ -15,8 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import ROOT
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hostile import count_objects, hostile_messages
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 from websockets.sync.server import serve
@@ -282,20 +280,6 @@ def test_a_place_in_a_gap_or_before_all_is_not_known():
     assert animals.find_past_place("2", 20.2) is None
 
 
-def test_the_same_messages_at_the_same_times_are_the_same_animals():
-    def all_seen(seed):
-        animals, seen = animals_of(), []
-        for n, text in enumerate(hostile(600, seed)):
-            now = 0.03 * n
-            seen.append(
-                (animals.receive_message(text, "ab"[n % 2], now), animals.present_animals(now))
-            )
-            seen.append(animals.find_past_place("1", now - 1))
-        return seen
-
-    assert all_seen(1) == all_seen(1) != all_seen(2)
-
-
 def test_a_minute_of_a_quick_camera_is_remembered_and_no_more_is_held():
     animals = animals_of()
 
@@ -408,66 +392,35 @@ def test_what_is_wrong_with_a_calibration_is_said_at_once(wrong, said):
 
 
 def hostile(count, seed=0):
-    """Messages at random: bad ones, good ones, good ones with bytes changed."""
-    rng, texts = np.random.default_rng(seed), [json.dumps(one) for one in GOOD]
-    for n in range(count):
-        kind, good = rng.integers(5), texts[rng.integers(len(texts))]
-        if kind == 0:
-            yield BAD[rng.integers(len(BAD))]
-        elif kind == 1:
-            place = rng.normal(200, 150, 2)
-            yield message(rng.normal(n / 25, 0.1), *place, id=str(rng.integers(3)))
-        elif kind == 2:
-            yield rng.bytes(int(rng.integers(1, 700)))
-        elif kind == 3:
-            yield message(10.0 ** rng.integers(9) * rng.normal(), id=int(rng.integers(10**6)))
-        else:
-            text = bytearray(good.encode())
-            for _ in range(int(rng.integers(1, 4))):
-                text[rng.integers(len(text))] = rng.integers(32, 127)
-            yield text.decode()
+    """Messages at random, two fifths of them of animals that are known or unknown."""
+    rng = np.random.default_rng(seed)
+    for n, text in enumerate(hostile_messages(count, seed, GOOD, BAD)):
+        if n % 5 == 0:
+            text = message(
+                rng.normal(n / 25, 0.1), *rng.normal(200, 150, 2), id=str(rng.integers(3))
+            )
+        elif n % 5 == 1:
+            text = message(10.0 ** rng.integers(9) * rng.normal(), id=int(rng.integers(10**6)))
+        yield text
 
 
-def test_ten_thousand_hostile_messages_neither_crash_nor_grow(capfd, caplog):
-    animals, counts = animals_of(), []
-    gc.collect()
-    gc.freeze()  # what is there already is not looked through again
-    try:
+def test_hostile_messages_neither_crash_nor_grow(capfd, caplog):
+    animals = animals_of()
+
+    def hear():
         for part in range(1, 6):
-            for n, text in enumerate(hostile(2000, part)):
+            for n, text in enumerate(hostile(1000, part)):
                 now = 100 * part + n / 25
                 assert animals.receive_message(text, f"source {n % 40}", now)
                 if n % 9 == 0:
                     for one in animals.present_animals(now)[:2]:
                         animals.find_past_place(one.id, now - 3)
-            gc.collect()
-            counts.append(len(gc.get_objects()))
+            yield
             assert len(animals.recent_animals(now)) == MOST_AT_ONCE
-    finally:
-        gc.unfreeze()
+
+    counts = count_objects(hear())
     assert max(counts) - min(counts) < 200, counts
     assert capfd.readouterr() == ("", "") and not caplog.records
-
-
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["t", "id", "x", "y", "token", "heading"]), inner, max_size=6),
-    max_leaves=8,
-)  # fmt: skip
-
-
-@settings(max_examples=60)
-@given(st.text() | st.binary() | JSON.map(json.dumps))
-def test_no_message_breaks_anything(text):
-    assert all(isinstance(one, str) for one in animals_of().receive_message(text, "a", 1.0))
-    content = text if isinstance(text, bytes) else text.encode(errors="surrogatepass")
-    for token in (None, "secret"):
-        packets = (content, b"/finloop/animal\0" + content)
-        texts = [
-            parse_datagram(content, token),
-            *(one for p in packets for one in parse_osc_packet(p, token)),
-        ]
-        assert all(isinstance(one, str | None) for one in texts)
 
 
 # --- UDP and OSC
@@ -586,15 +539,15 @@ async def flood(kind, contents, wanted, token=None):
 
 
 @pytest.mark.parametrize("kind", ["udp", "osc"])
-def test_ten_thousand_hostile_datagrams_over_the_wire(kind, capfd, caplog):
+def test_hostile_datagrams_over_the_wire(kind, capfd, caplog):
     if kind == "udp":
-        texts = hostile(10_000)
+        texts = hostile(3000)
         contents = [
             one if isinstance(one, bytes) else one.encode(errors="replace") for one in texts
         ]
         wanted = [[parse_datagram(one, None)] for one in contents]
     else:
-        contents = list(hostile_osc(10_000))
+        contents = list(hostile_osc(3000))
         wanted = [parse_osc_packet(one, None) for one in contents]
     flooding = flood(kind, contents, [*map(len, wanted)])
     heard, port = asyncio.run(asyncio.wait_for(flooding, 120))
@@ -695,19 +648,6 @@ def test_a_spoiled_track_loses_delays_and_breaks_off_as_wanted():
     assert (gaps > 0.05).sum() == 16 and gaps.max() == pytest.approx(2.04, abs=0.041)
     first = said_with(0.2, 0.05, 2.0, seed=3)
     assert first == said_with(0.2, 0.05, 2.0, seed=3) != said_with(0.2, 0.05, 2.0, seed=4)
-
-
-def test_fish_follow_a_spoiled_track_as_well_as_it_can_be_known():
-    animals, misses, lost = animals_of(), [], 0
-    faults = ConnectionFaults(0.2, 0.05, 2.0, 1)
-    for due, text in imitate_tracker(line_of(seconds=60.0), None, TANK_OF, faults):
-        animals.receive_message(text, "a", due)
-        past = animals.find_past_place(NAME, due - 3)
-        if due > 6 and past is None:
-            lost += 1
-        elif due > 6:
-            misses.append(math.dist(past, swim_place(due - 3)))
-    assert np.median(misses) < 1 and np.percentile(misses, 95) < 6 and lost / len(misses) < 0.25
 
 
 # --- the example

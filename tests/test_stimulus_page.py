@@ -2,6 +2,8 @@
 
 import base64
 import json
+import re
+from importlib.resources import files
 
 import cv2
 import numpy as np
@@ -244,8 +246,8 @@ def test_in_its_own_posture_at_its_own_place_a_picture_is_the_cut_out(stage):
 @pytest.mark.parametrize(
     ("posture", "heading", "size", "mirrored"),
     [
-        (STRAIGHT, 0.7, LENGTH, False), (S_BEND, 2.0, LENGTH, False), (S_BEND, 2.0, LENGTH, True),
-        (CURL, 1.0, LENGTH, False), (S_BEND, -1.0, 1.5 * LENGTH, False), (CURL, 3.0, 0.8 * LENGTH, True),
+        (STRAIGHT, 0.7, LENGTH, False), (S_BEND, 2.0, LENGTH, True),
+        (S_BEND, -1.0, 1.5 * LENGTH, False), (CURL, 3.0, 0.8 * LENGTH, True),
     ],
 )  # fmt: skip
 def test_in_any_pose_it_is_what_the_painter_draws(stage, posture, heading, size, mirrored):
@@ -276,11 +278,6 @@ def test_colours_are_drawn_as_the_painter_does(colour):
     wanted = paint(colour.tank, (160.25, 120.5, bent_of(fish_of(colour=True), S_BEND)))
     assert np.abs(colour.draw(state_of(S_BEND)) - wanted).max() <= 2
     assert np.abs(wanted[..., 0] - wanted[..., 1]).max() > 20
-
-
-def test_what_the_browser_shows_is_what_was_drawn(stage):
-    drawn = stage.draw(state_of(S_BEND), state_of(STRAIGHT, 40, 200, number=11))
-    assert (stage.shot() == drawn).all()
 
 
 def test_nothing_is_drawn_without_its_picture_or_beyond_the_screen(stage):
@@ -400,15 +397,6 @@ def test_one_tone_fills_the_screen(stage):
     assert (stage.draw() == [10, 200, 30]).all()
 
 
-def test_corners_move_the_picture_by_a_projection(white):
-    still = white.draw(state_of(S_BEND))[..., 0]
-    white.by(display_of(corners=[[0, 0], [1, 0], [1, 1], [0, 1]]))
-    assert np.abs(white.draw(state_of(S_BEND))[..., 0] - still).max() <= 1
-    white.by(display_of(corners=[[0.25, 0], [1.25, 0], [1.25, 1], [0.25, 1]]))
-    moved = white.draw(state_of(S_BEND))[..., 0]
-    assert (moved[:, :80] == 0).all() and np.abs(moved[:, 80:] - still[:, :-80]).max() <= 1
-
-
 def test_a_keystone_takes_every_place_where_its_projection_does(white):
     corners = [[0.1, 0.05], [0.95, 0.0], [0.9, 0.97], [0.02, 0.9]]
     white.by(display_of(corners=corners))
@@ -447,10 +435,8 @@ def test_tables_make_luminance_even(stage):
     assert read == [[level] * 3 for level in range(256)]
     for wrong, why in (("tableOfText('1,2,3')", "wanted 256"), ("tableOfLuminances([[0,1],[9,2],[200,3]])", "0 and 255"),
                        ("tableOfLuminances([[0,5],[9,2],[255,3]])", "brighter"), ("numbersOf('1,2\\n3')", "row 2")):  # fmt: skip
-        code = (
-            f"(() => {{ try {{ {wrong}; return '' }} catch (error) {{ return error.message }} }})()"
-        )
-        assert why in run.evaluate(code)
+        caught = "catch (error) { return error.message }"
+        assert why in run.evaluate(f"(() => {{ try {{ {wrong}; return '' }} {caught} }})()")
 
 
 # --- time
@@ -699,29 +685,6 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
     assert server.seen.bad == []
 
 
-def test_a_replay_draws_the_frames_of_a_session_pixel_by_pixel(browser):
-    server = Server(browser)
-    server.hello()
-    begin = server.hold_clock() + 0.05
-    for tick in range(12):
-        states = state_of(S_BEND, 100 + 3 * tick), state_of(CURL, 200, 90)
-        server.rows(tick + 1, tick, begin + tick / 25, *states)
-    wait(server.page, "motion.keys.length === 12")
-    server.page.clock.run_for(600)
-    server.clear()
-    session = server.frames[:-1]
-    again = Server(browser)
-    again.hello(mode="replay")
-    for facts, states in session:
-        again.send(message("frame", states.tobytes(), number=int(facts[0])))
-    for _ in range(2400):
-        if len(again.frames) == len(session):
-            break
-        again.page.wait_for_timeout(25)
-    assert len({facts[7] for facts, _ in session}) > 2
-    assert [(one[0], one[7]) for one, _ in again.frames] == [(one[0], one[7]) for one, _ in session]
-
-
 def test_a_lost_connection_is_not_seen_and_comes_back(browser):
     server = Server(browser)
     page = server.page
@@ -861,11 +824,10 @@ def test_a_page_refuses_a_motion_without_pictures_or_ticks():
 
 def test_every_page_has_one_script_and_one_style_for_the_policy():
     states = np.stack([state_of(STRAIGHT)])
-    for page in (
-        build_display_page(),
-        build_standalone_page("x", 10.0, tank_of(9, 9), {10: fish_of()}, states),
-    ):
+    alone = build_standalone_page("x", 10.0, tank_of(9, 9), {10: fish_of()}, states)
+    desk = files("finloop.stimulus").joinpath("page/experimenter.html").read_text("utf-8")
+    for page in (build_display_page(), alone, desk):
         for tag in ("script", "style"):
             assert page.count(f"<{tag}") == page.count(f"</{tag}>") == 1
-        assert "/*" not in page.replace("image/*", "").split("<script>")[0]
-        assert " style=" not in page and " onclick=" not in page
+        assert not re.search(r"<[^>]+\s(?:style|on\w+)=", page.partition("<script>")[0])
+    assert "innerHTML" not in desk

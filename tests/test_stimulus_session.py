@@ -55,9 +55,15 @@ def walk(seed, seconds=30.0, rate=40.0, loss=0.0, jitter=0.0, gaps=False):
 # --- courses
 
 
-def test_a_control_shows_the_very_same_motion_in_another_look(tmp_path):
-    _, session, _ = run_dry(tmp_path, plan_of(ALL), walk(1))
-    made = session._motions
+@pytest.fixture(scope="module")
+def dry_run(tmp_path_factory):
+    """The record of a session of all kinds of conditions, each shown twice, and the session."""
+    plan = plan_of(ALL, order="blocks", repeats=2)
+    return run_dry(tmp_path_factory.mktemp("dry"), plan, walk(1))[:2]
+
+
+def test_a_control_shows_the_very_same_motion_in_another_look(dry_run):
+    made = dry_run[1]._motions
     np.testing.assert_array_equal(made["fish"], made["dot"])
     np.testing.assert_array_equal(made["back"], made["fish"][::-1])
     np.testing.assert_array_equal(made["yoked"], made["live"][: len(made["yoked"])])
@@ -89,9 +95,8 @@ def test_fading_changes_nothing_but_alpha(tmp_path):
     for fade in (0.0, 0.4):
         animals = LiveAnimals(plan.animals, made.tank, None)
         reaction = ReactiveMotion(made, TrialSetup(plan.conditions["a"], 1, 1, 0, fade), animals)
-        told.append(
-            np.stack([reaction.plan_tick(n / made.rate_hz) for n in range(made.count_ticks(1.5))])
-        )
+        ticks = range(made.count_ticks(1.5))
+        told.append(np.stack([reaction.plan_tick(tick / made.rate_hz) for tick in ticks]))
     plain, faded = told
     assert (plain[..., ALPHA] == 1).all() and faded[0, 0, ALPHA] == faded[-1, 0, ALPHA] == 0
     rest = [n for n in range(plain.shape[2]) if n != ALPHA]
@@ -115,11 +120,11 @@ def greatest(states):
 
 def test_spoiled_messages_make_no_fish_jump(tmp_path):
     made = scene()
-    goals = plan_of({"a": {"seconds": 60.0} | GOALS}).conditions["a"]
+    goals = plan_of({"a": {"seconds": 30.0} | GOALS}).conditions["a"]
     free = plan_motion(made, TrialSetup(goals, 1, 1))
-    plan = plan_of({"live": {"seconds": 25.0} | RULE})
-    _, session, _ = run_dry(tmp_path, plan, walk(2, 26), made, "clean")
-    spoiled = walk(2, 26, loss=0.2, jitter=0.05, gaps=True)
+    plan = plan_of({"live": {"seconds": 12.0} | RULE})
+    _, session, _ = run_dry(tmp_path, plan, walk(2, 13), made, "clean")
+    spoiled = walk(2, 13, loss=0.2, jitter=0.05, gaps=True)
     _, other, _ = run_dry(tmp_path, plan, spoiled, made, "spoiled")
     assert other.counts.verdicts["late"] > 5 and other.counts.verdicts["taken"] > 100
     for one in (session, other):
@@ -160,22 +165,6 @@ def test_all_that_was_kept_survives_a_cut_anywhere(tmp_path):
     log.close()
     with pytest.raises(FinloopError, match="exists already"):
         Log(tmp_path / "a.journal", {})
-
-
-def test_a_session_that_was_cut_off_is_recovered_and_summed_up(tmp_path):
-    plan = plan_of(ALL)
-    run_dry(tmp_path, plan, walk(1))
-    whole = (tmp_path / "toy.journal").read_bytes()
-    cut = tmp_path / "cut.journal"
-    cut.write_bytes(whole[: len(whole) * 2 // 3])
-    save_journal(cut, tmp_path / "cut.parquet", SESSION)
-    record = open_session_record(tmp_path / "cut.parquet")
-    assert (
-        0
-        < len(load_log_table(record))
-        < len(load_log_table(open_session_record(tmp_path / "toy.parquet")))
-    )
-    assert "| never |" in summarise_session(record) or "| end |" in summarise_session(record)
 
 
 def test_what_is_no_session_is_refused_in_plain_words(tmp_path):
@@ -243,12 +232,12 @@ def random_session(folder, seed, made):
 
 def test_random_sessions_are_planned_again_bit_for_bit(tmp_path):
     made, anew = scene(), 0
-    for seed in range(25):  # `benchmarks.stimulus` plans a hundred of a film
+    for seed in range(8):  # `benchmarks.stimulus` plans a hundred of a film
         (record, _, _), plan = random_session(tmp_path, seed, made)
         told = replan_session(record, made, plan)
         assert told.ticks > 20 and told.different == 0, seed
         anew += int((load_log_table(record)["verdict"] == "anew").sum())
-    assert anew > 25
+    assert anew > 8
 
 
 def test_another_input_is_found_out(tmp_path):
@@ -266,9 +255,8 @@ def test_another_input_is_found_out(tmp_path):
 # --- times
 
 
-def test_the_summary_tells_what_was_shown_and_how_soon(tmp_path):
-    plan = plan_of(ALL, order="blocks", repeats=2)
-    record, session, _ = run_dry(tmp_path, plan, walk(1))
+def test_the_summary_tells_what_was_shown_and_how_soon(dry_run):
+    record, session = dry_run
     text, table = summarise_session(record), load_log_table(record)
     for name in ALL:
         assert text.count(f"| {name} |") == 2
