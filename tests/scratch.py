@@ -14,6 +14,8 @@ import yaml
 from conftest import ROOT
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
+from finloop.base.settings import settings
+from finloop.drawn.carp.film import film_frames
 from finloop.io.movie import VideoWriter
 from finloop.io.parameters import refusal_error
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, VideoFacts, save_facts, save_mask
@@ -110,6 +112,13 @@ def write_frames(writer: Any, frames: Iterable[np.ndarray]) -> None:
     with writer:
         for frame in frames:
             writer.write(frame)
+
+
+def carp_frames(frames: int, **changes: Any) -> list[np.ndarray]:
+    """The frames of a film of one drawn carp: small and grey, unless changes say otherwise."""
+    small = {"width_px": 224, "height_px": 168, "body_length_px": 50.0, "colour": False, "fish": 1}
+    film = settings("clip", source="carp", frames=frames, **small | changes)
+    return [frame for frame, _ in film_frames(film)]
 
 
 def save_svg(path: Path, inside: str) -> str:

@@ -17,7 +17,6 @@ from finloop.extract.backbone import (
     resample_line,
     smoothing_matrix,
     trace_backbone,
-    trim_forks,
 )
 
 ROOT2 = np.sqrt(2)
@@ -390,17 +389,6 @@ def test_resampling_gives_equal_steps_along_the_same_line():
     assert np.allclose(steps(out), 1)
     assert np.allclose(resample_line(line[::-1], 15), out[::-1])
     assert np.allclose(resample_line(out, 15), out)
-
-
-def test_a_path_loses_what_lies_nearer_to_a_blunt_end_than_the_body_is_wide():
-    path = np.stack([np.arange(12.0), np.zeros(12)], 1)
-    width = np.full((1, 12), 1.0, np.float32)
-    assert np.array_equal(trim_forks(path, width), path[1:-1])  # an end is always nearer than that
-    width[0, :4] = [9, 9, 9, 6]  # over three times the distance from the end
-    assert np.array_equal(trim_forks(path, width)[:, 0], np.arange(3, 11))
-    assert np.array_equal(trim_forks(path[::-1].copy(), width)[:, 0], np.arange(10, 2, -1))
-    assert trim_forks(path, np.full((1, 12), 99, np.float32)).shape == (0, 2)
-    assert trim_forks(path[:0], width).shape == (0, 2)
 
 
 @pytest.mark.parametrize("turn", [1, -1])

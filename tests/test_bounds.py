@@ -115,8 +115,3 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     steps = -np.diff(np.array(places)[:, 0])
     assert steps.min() >= 0 and steps.max() < LENGTH / 4
     assert own_world.tank.legal[round(fish.y), round(fish.x)]
-
-
-def box(px):
-    """A square tank."""
-    return make_tank(np.pad(np.ones((px, px), bool), 20), 0.6 * LENGTH)

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
+from scratch import carp_frames
 
-from finloop.base.settings import settings
 from finloop.clip.check import (
     CHECK,
     EXAMINED,
@@ -17,10 +17,8 @@ from finloop.clip.doubled import find_repeats
 from finloop.clip.light import measure_gain, measure_light, undo_gain
 from finloop.clip.shake import UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 from finloop.clip.verdict import list_findings
-from finloop.drawn.carp.film import film_frames
 
 RNG = np.random.default_rng(5)
-CARP = {"width_px": 224, "height_px": 168, "body_length_px": 50.0, "colour": False, "fish": 1}
 
 
 @pytest.fixture(autouse=True)
@@ -32,7 +30,7 @@ def same_draws():
 @pytest.fixture(scope="module")
 def carp() -> list[np.ndarray]:
     """64 frames of a carp, 25 a second."""
-    return [frame for frame, _ in film_frames(settings("clip", source="carp", frames=64, **CARP))]
+    return carp_frames(64)
 
 
 def floor(height: int = 200, width: int = 260) -> np.ndarray:

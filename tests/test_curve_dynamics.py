@@ -71,21 +71,6 @@ def test_the_closed_form_solves_the_equation(density, c, k, a, v, q):
         assert speed == pytest.approx(wanted[1], rel=1e-9, abs=1e-10)
 
 
-@pytest.mark.parametrize(("c", "case"), [(9.0, "real"), (4.0, "double"), (1.0, "complex")])
-def test_the_three_damping_cases(c, case):
-    """ρ = 1, k = 4: a e^{r₁t} + b e^{r₂t}, or (a + b t) e^{rt} where the roots are one."""
-    of = Oscillators(1.0, np.array([c]), np.array([4.0]))
-    t = np.linspace(0, 3, 20)
-    places, _ = oscillator_motion(of, np.array([[1.0]]), np.array([[0.5]]), t, np.zeros((1, 1)))
-    r1, r2 = np.roots([1, c, 4]).astype(complex)
-    if case == "double":
-        wanted = (1 + 2.5 * t) * np.exp(-2 * t)
-    else:
-        b = (0.5 - r1) / (r2 - r1)
-        wanted = ((1 - b) * np.exp(r1 * t) + b * np.exp(r2 * t)).real
-    assert np.allclose(places[:, 0, 0], wanted, atol=1e-12)
-
-
 def test_near_the_double_root_nothing_jumps_and_stiff_ones_do_not_overflow():
     near = 4 + np.array([-1e-7, -1e-12, 0, 1e-12, 1e-7])
     at = oscillator_response(Oscillators(1.0, near, np.full(5, 4.0)), np.linspace(0, 3, 7))

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
-from matplotlib.figure import Figure
 
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
@@ -12,7 +11,7 @@ from finloop.base.schema import Column, Schema
 from finloop.extract.table import SceneFacts
 from finloop.io.atomic import whole_file
 from finloop.io.cutouts import CutoutWriter, open_cutouts, tracks_writer
-from finloop.io.picture import load_picture, save_figure, save_picture
+from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table
 
@@ -48,7 +47,7 @@ ROWS = Schema(
 )
 
 
-@pytest.mark.parametrize("count", [0, 1, 9000])
+@pytest.mark.parametrize("count", [0, 1, 3000])
 def test_rows_of_a_film_are_sorted_by_track_and_frame_beside_their_cutouts(tmp_path, count):
     rng = np.random.default_rng(0)
     frame = np.sort(rng.integers(0, 99999, count))
@@ -69,9 +68,8 @@ def test_rows_of_a_film_are_sorted_by_track_and_frame_beside_their_cutouts(tmp_p
     with open_cutouts(tmp_path / "cutouts.arrow") as store:
         assert store.index["x0_px"].tolist() == wanted["track_id"].tolist()
         assert store.index[["track_id", "frame"]].equals(table[["track_id", "frame"]])
-        assert [store[k].pixels.ravel().view(np.int32)[0] for k in range(len(store))] == list(
-            wanted.index
-        )
+        shown = [store[k].pixels.ravel().view(np.int32)[0] for k in range(len(store))]
+    assert shown == list(wanted.index)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cutouts.arrow", "tracks.parquet"]
 
 
@@ -108,27 +106,19 @@ def test_a_store_can_be_written_again_while_it_is_open(tmp_path):
         assert len(store) == 3
 
 
-@pytest.mark.parametrize("written", [0, 1, BATCHES])
 @pytest.mark.parametrize("before", [False, True])
-def test_an_exception_while_writing_leaves_what_was_there(tmp_path, written, before):
+def test_an_exception_while_writing_leaves_what_was_there(tmp_path, before):
     path = tmp_path / "c.arrow"
     if before:
         write_cutouts(path, pictures(5))
     with pytest.raises(KeyError), CutoutWriter(path) as writer:
-        for cutout in pictures(written):
+        for cutout in pictures(BATCHES):
             writer.write(cutout)
         raise KeyError
     assert [p.name for p in tmp_path.iterdir()] == (["c.arrow"] if before else [])
     if before:
         with open_cutouts(path) as store:
             assert len(store) == 5
-
-
-def test_a_cutout_that_cannot_be_stored_leaves_no_file(tmp_path):
-    flat = np.zeros((4, 4), np.uint8)  # no channels
-    with pytest.raises(ValueError), CutoutWriter(tmp_path / "c.arrow") as writer:
-        writer.write(Cutout(0, 0, 0, 0, flat))
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("harm", ["missing", "empty", "text", "cut short", "without its end"])
@@ -204,15 +194,6 @@ def test_an_unreadable_picture_is_said(tmp_path, content):
         (tmp_path / "p.png").write_bytes(content)
     with pytest.raises(FinloopError, match=r"p\.png cannot be read"):
         load_picture(tmp_path / "p.png")
-
-
-def test_a_figure_gives_the_same_bytes_again(tmp_path):
-    for name in ("one.png", "two.png"):
-        figure = Figure(figsize=(2, 1))
-        figure.subplots().plot([1, 3, 2])
-        save_figure(tmp_path / name, figure)
-    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
-    assert load_picture(tmp_path / "one.png").shape == (110, 220, 3)
 
 
 FACTS = SceneFacts("dark", 1.25, 6.25, 640.0, 70.5, 91.0, "all", 33)

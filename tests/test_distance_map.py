@@ -51,7 +51,7 @@ def random_pictures(rng: np.random.Generator, count: int, size: int = 8) -> np.n
 # --- Eq. 5
 
 
-@pytest.mark.parametrize("count", [1, 2, 511, 1300])
+@pytest.mark.parametrize("count", [1, 2, 1300])
 def test_the_full_map_is_brute_force(count):
     pictures = random_pictures(np.random.default_rng(count), count)
     kept = pictures.copy()
@@ -114,7 +114,7 @@ def random_groups(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, flo
     return kind, area, float(rng.choice([0.0, 0.05, 0.1, 0.3, 1.0]))
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(12))
 def test_bands_are_exactly_what_eqs_7_and_8_let_through(seed):
     rng = np.random.default_rng(seed)
     kind, area, threshold = random_groups(rng)
@@ -163,10 +163,8 @@ def test_orientation_counts_only_as_filmed():
     features = table_of(*zip(*every, strict=True))
     filmed, body = find_frame_kinds(features, FILM), find_frame_kinds(features, BODY)
     assert len(set(filmed)) == 72
-    assert (
-        (body[:, None] == body)
-        == (features["swimming_type"].to_numpy()[:, None] == features["swimming_type"].to_numpy())
-    ).all()
+    swims = features["swimming_type"].to_numpy()
+    assert ((body[:, None] == body) == (swims[:, None] == swims)).all()
 
 
 # --- natural steps
@@ -239,11 +237,8 @@ def film(folder, pose, size):
 
 @pytest.mark.parametrize("pose", [BODY, FILM])
 def test_the_map_of_a_part_is_that_part_of_the_map(workspace, pose, capsys):
-    small = (
-        f"distance.frame_of_reference={pose}",
-        "distance.max_distance_steps=null",
-        "distance.picture_size_px=24",
-    )
+    small = [f"frame_of_reference={pose}", "max_distance_steps=null", "picture_size_px=24"]
+    small = [f"distance.{one}" for one in small]
     whole, every, _, _ = run_stage(workspace, *small)
     pairs, steps, _, metrics = run_stage(workspace, *small, "distance.max_rows=40")
     features = load_table(workspace / "data/features/features.parquet", FEATURES)
@@ -261,8 +256,10 @@ def test_the_map_of_a_part_is_that_part_of_the_map(workspace, pose, capsys):
 
 
 @pytest.mark.usefixtures("no_drawing")
-@pytest.mark.parametrize("pose", [BODY, FILM])
-@pytest.mark.parametrize(("keep", "threshold"), [("null", 0.1), (1.5, 0.1), (4.0, 0.0)])
+@pytest.mark.parametrize(
+    ("pose", "keep", "threshold"),
+    [(BODY, "null", 0.1), (FILM, 1.5, 0.1), (FILM, "null", 0.0), (BODY, 4.0, 0.0)],
+)
 def test_the_stage_keeps_what_eq_6_says(workspace, pose, keep, threshold):
     pairs, steps, facts, metrics = run_stage(
         workspace, f"distance.frame_of_reference={pose}", f"distance.max_distance_steps={keep}", "distance.picture_size_px=24",

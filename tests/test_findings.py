@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.special import erf
-from scratch import write_frames
+from scratch import carp_frames, write_frames
 from toy_insect import WalkerFilm, walker_frames
 
 from finloop.base.parallel import ALONE
@@ -16,7 +16,6 @@ from finloop.base.settings import settings
 from finloop.clip.rewrite import make_clip
 from finloop.clip.verdict import list_findings as judge_film
 from finloop.clip.write import open_clip_source
-from finloop.drawn.carp.film import film_frames
 from finloop.extract.samples import measure_edge_width
 from finloop.extract.segment import Silhouette
 from finloop.extract.table import tracks_schema
@@ -32,20 +31,13 @@ from finloop.features.verdict import list_findings as judge_headings
 from finloop.io.movie import Mp4Writer, VideoWriter
 from finloop.io.table import load_table
 
-
-def carp_frames(frames: int, rate_hz: float) -> list[np.ndarray]:
-    """A carp of 60 px."""
-    drawn = settings(
-        "clip", source="carp", frames=frames, frame_rate_hz=rate_hz, width_px=320, height_px=240,
-        body_length_px=60.0, colour=False, fish=1,
-    )  # fmt: skip
-    return [frame for frame, _ in film_frames(drawn)]
+SIZE = {"width_px": 320, "height_px": 240, "body_length_px": 60.0}
 
 
 @pytest.fixture(scope="module")
 def carp() -> list[np.ndarray]:
-    """Six seconds of a carp."""
-    return carp_frames(150, 25.0)
+    """Three seconds of a carp."""
+    return carp_frames(75, **SIZE)
 
 
 def faults(folder: Path, frames: list[np.ndarray], rate: float = 25, crf: int = 0) -> set[str]:
@@ -81,7 +73,7 @@ def test_a_good_film_has_no_fault(tmp_path, carp):
 
 
 def test_a_film_of_a_tenth_of_the_rate_has_too_few_frames_in_a_beat(tmp_path):
-    assert "rate" in faults(tmp_path, carp_frames(100, 2.5), rate=2.5)
+    assert "rate" in faults(tmp_path, carp_frames(50, frame_rate_hz=2.5, **SIZE), rate=2.5)
 
 
 def test_a_blurred_film_is_not_sharp(tmp_path, carp):

@@ -1,5 +1,7 @@
 """Pale fins belong to a cut-out, shadows do not, and no measure changes by either."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
@@ -79,11 +81,11 @@ def over_the_tank(fish):
     return picture
 
 
+@cache
 def wheel(**how):
     """Frames with a fish in the middle that heads everywhere."""
-    return [
-        film([(160 + 30 * np.cos(k), 120 + 30 * np.sin(k), 47.0 * k)], **how) for k in range(16)
-    ]
+    places = [(160 + 30 * np.cos(k), 120 + 30 * np.sin(k), 47.0 * k) for k in range(16)]
+    return [film([place], **how) for place in places]
 
 
 @pytest.mark.parametrize("deg", [0, 70, 200])
@@ -160,11 +162,12 @@ def test_bright_fins_are_kept_where_the_shadow_is_dropped():
     assert typical.fins == "brighter"
 
 
-@pytest.mark.parametrize(("fins", "told"), [("keep", "all"), ("drop", "none")])
-def test_the_parameter_decides(fins, told):
+@pytest.mark.parametrize(
+    ("fins", "how", "told"), [("keep", {"shadow": 0.4}, "all"), ("drop", {"fin": 0.2}, "none")]
+)
+def test_the_parameter_decides(fins, how, told):
     own = settings("extract", fins=fins)
-    for how in ({"fin": 0.2}, {"shadow": 0.4}):
-        assert measure_scene_and_fish(wheel(**how), WHOLE, own)[1].fins == told
+    assert measure_scene_and_fish(wheel(**how), WHOLE, own)[1].fins == told
 
 
 def test_a_film_in_which_all_head_the_same_way_keeps_what_is_pale():
@@ -178,11 +181,8 @@ def test_a_fin_at_the_edge_of_what_was_looked_at():
     mask[:, :3] = True
     field = np.full((6, 8), 20, np.uint8)
     alpha = np.full((2, 2), 255, np.uint8)
-    whole, corner = add_fins_to_alpha(
-        alpha, (14, 12), PalePixels(10, 10, mask, field), (100.0, 6.0)
-    )
-    assert corner == (10, 10)
-    assert whole.shape == (6, 6)
+    pale = PalePixels(10, 10, mask, field)
+    whole, corner = add_fins_to_alpha(alpha, (14, 12), pale, (100.0, 6.0))
+    assert corner == (10, 10) and whole.shape == (6, 6)
     assert np.array_equal(whole[2:4, 4:], alpha)
-    assert np.all(whole[:, :3] == 51)
-    assert np.all(whole[:2, 3:] == 0)
+    assert np.all(whole[:, :3] == 51) and np.all(whole[:2, 3:] == 0)

@@ -146,7 +146,7 @@ def test_identities_are_those_of_the_file(tracks_run, film):
     assert np.median(apart) < 0.5 and apart.max() < 1.5
     told = given[["head_x_px", "head_y_px"]].to_numpy()
     assert np.abs(told - true[:, 0]).max() < 1e-3
-    ways = np.hypot(*(places[None, :, None, :, 2] - places[None, :, :, None, 2])[0].T).T
+    ways = np.linalg.norm(places[:, None, :, 2] - places[:, :, None, 2], axis=-1)
     assert ways[ways > 0].min() > LENGTH / 2  # no carp could have been taken for another
 
 
@@ -330,14 +330,10 @@ def map_poses(poses, shown=None, size=(200, 150), frames=None, **changes):
     return map_poses_to_clip(poses, shown, film_size, file_settings(**changes))
 
 
-class Anything:
-    """A fish of which nothing is asked."""
-
-
 def run(told, frames, cuts=(), least=3):
     """Track numbers by frame of toy silhouettes, and what the run has counted."""
     followed = ExternalTrackLinker(told, 20.0, least)
-    seen = (Detections(["fish"] * len(spots), spots, [Anything()] * len(spots)) for spots in frames)
+    seen = (Detections(["fish"] * len(spots), spots, [object()] * len(spots)) for spots in frames)
     rows = [(f.track_id, f.frame) for _, ready in followed.link_frames(seen, cuts) for f in ready]
     return sorted(rows), followed
 
@@ -385,9 +381,8 @@ def test_places_without_gaps_are_not_told_to_fill_them():
     assert "fill" not in error.do
     places = np.full((12, 2, 2), np.nan)
     places[:6, 0] = places[6:, 1] = 50.0
-    assert (
-        longest_run_frames(map_poses(poses_at(places))) == 6
-    )  # runs of two animals are not added up
+    told = map_poses(poses_at(places))
+    assert longest_run_frames(told) == 6  # runs of two animals are not added up
 
 
 def test_infinite_places_end_the_stage_with_their_gaps(film, tmp_path, monkeypatch):
@@ -508,9 +503,8 @@ def test_more_animals_than_there_are_is_said():
     ghosts = np.stack([np.tile([5.0 + 35 * k, 5.0], (30, 1)) for k in range(5)], axis=1)
     told, bad = map_and_fit(np.concatenate([places, ghosts], axis=1), film, tuple("abcdefgh"))
     assert bad.lost == (3, 4, 5, 6, 7) and bad.seen == 3
-    with pytest.raises(
-        FinloopError, match=r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
-    ):
+    said = r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
+    with pytest.raises(FinloopError, match=said):
         refuse_other_film(told, bad)
 
 
@@ -562,9 +556,8 @@ def test_a_file_that_is_none_is_said(tmp_path, name, made, said):
 
 
 def test_the_missing_extra_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "finloop.io.poses.extra.import_module", lambda name: __import__("no_" + name)
-    )
+    missing = "finloop.io.poses.extra.import_module"
+    monkeypatch.setattr(missing, lambda name: __import__("no_" + name))
     (tmp_path / "tracks.nwb").write_bytes(b"any")
     with pytest.raises(FinloopError, match="extra `tracks`") as caught:
         load_poses(tmp_path / "tracks.nwb", None, 25.0)

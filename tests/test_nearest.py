@@ -85,17 +85,3 @@ def test_so_many_nearest_are_looked_at_as_are_needed_for_a_choice(vectors, most)
     for one, others in zip(chosen, index.search(few, most or 500), strict=True):
         some = others[kind[others]][:3]
         assert list(one) == [*some, *[-1] * (3 - len(some))]
-
-
-def test_no_more_is_asked_for_than_the_cells_have(vectors):
-    """A choice that is never content; in the cells about a vector lie a part of all."""
-    index, counts = Nearest.from_vectors(vectors, exact_limit=1000), []
-
-    def never(some, near):
-        counts.append(near.shape[1])
-        return (some,), np.zeros(len(some), bool)
-
-    index.index.nprobe = 1
-    index.choose(vectors[:50], 8, never)
-    most = max(index.index.invlists.list_size(k) for k in range(index.index.nlist))
-    assert counts[:2] == [8, 32] and counts[-1] <= 4 * most < len(vectors)
