@@ -1,31 +1,14 @@
-"""All benchmarks, one after the other: `python -m benchmarks`, or `make bench`."""
+"""All benchmarks, one after the other: `python -m benchmarks`, or `make bench`.
 
-from benchmarks import (
-    accuracy,
-    animate,
-    bpn,
-    curve,
-    distance,
-    memory,
-    morph,
-    puppet,
-    render,
-    speed,
-    table2,
-)
+Each is a program of its own, as each sets its number of threads.
+"""
+
+import subprocess
+import sys
+
+NAMES = ("speed", "memory", "accuracy", "bpn", "distance", "animate", "render", "puppet", "curve",
+         "morph", "table2")  # fmt: skip
 
 if __name__ == "__main__":
-    for benchmark in (
-        speed,
-        memory,
-        accuracy,
-        bpn,
-        distance,
-        animate,
-        render,
-        puppet,
-        curve,
-        morph,
-        table2,
-    ):
-        benchmark.main()
+    for name in NAMES:
+        subprocess.run([sys.executable, "-m", f"benchmarks.{name}"], check=True)

@@ -119,7 +119,7 @@ def path_deviations(animator: MatchingAnimator, seed: int) -> dict[str, float]:
     return deviations
 
 
-def film_table(film_name: str, seed_count: int) -> pd.DataFrame:
+def ablate_film(film_name: str, seed_count: int) -> pd.DataFrame:
     """Return a row for each removed part, for the film in the present folder."""
     jobs = [(part, seed) for part in PARTS for seed in range(seed_count)]
     results = list(ordered_map(measure_seed, jobs, Processes(2)))
@@ -150,10 +150,9 @@ def main() -> None:
     parts = []
     for folder in given.folders:
         with chdir(folder):
-            parts.append(film_table(Path.cwd().name, given.seeds))
-        pd.concat(parts).to_csv(
-            Path(__file__).with_name("ablation.csv"), index=False, float_format="%.4g"
-        )
+            parts.append(ablate_film(Path.cwd().name, given.seeds))
+        table = pd.concat(parts)
+        table.to_csv(Path(__file__).with_suffix(".csv"), index=False, float_format="%.4g")
 
 
 if __name__ == "__main__":

@@ -8,14 +8,14 @@ has the median of the pairwise ratios.
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import os
 import tempfile
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import data_stages, prepare_folder, run_stage
+from benchmarks.pipeline import data_stages, prepare_folder, run_stage, write_table
 from benchmarks.speed import time_pairs
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
@@ -26,7 +26,7 @@ from stages.play import open_modes
 
 TICKS, COPIES = 20_000, 500
 MODES = "modes-"  # these stages do not run here: `open_modes` replaces them
-STAGES = [one for one in data_stages(["animate"]) if one != "animate" and not one.startswith(MODES)]
+STAGES = [name for name in data_stages(["animate"]) if not name.startswith(("animate", MODES))]
 
 
 def main() -> None:
@@ -36,13 +36,8 @@ def main() -> None:
         prepare_folder(scratch, ["clip=carp", "clip.frames=750"])
         for stage in STAGES:
             run_stage(scratch, stage)
-        home = Path.cwd()
-        os.chdir(scratch)
-        try:
-            with Project() as project:
-                players = {name: mode.player for name, mode in open_modes(project).items()}
-        finally:
-            os.chdir(home)
+        with chdir(scratch), Project() as project:
+            players = {name: mode.player for name, mode in open_modes(project).items()}
     frame = np.zeros((720, 1280, 3), np.uint8)
     canvas = np.empty_like(frame)
 
@@ -64,8 +59,7 @@ def main() -> None:
             (f"{name}: time of a tick / time of a copy", "1", tick_s / (copying_s / COPIES)),
         ]
     table = pd.DataFrame(rows, columns=["what", "unit", "value"])
-    print(table.to_string(index=False))
-    table.to_csv(Path(__file__).with_name("animate.csv"), index=False, float_format="%.4g")
+    write_table(__file__, table, "%.4g")
 
 
 if __name__ == "__main__":

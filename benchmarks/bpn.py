@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from benchmarks.pipeline import ROOT
+from benchmarks.pipeline import write_table
 from benchmarks.speed import PAIRS, time_call, time_pairs
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import draw_first_weights, split_layers, train_motion_model
@@ -31,13 +31,8 @@ def random_training_rows(row_count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def train_by_finloop(settings: BpnSettings) -> None:
     """Train on one split as the stage does, with the errors after each epoch."""
-    train_motion_model(
-        *random_training_rows(ROWS),
-        random_training_rows(HELD_OUT),
-        settings,
-        0.2,
-        np.random.default_rng(0),
-    )
+    rows, held_out = random_training_rows(ROWS), random_training_rows(HELD_OUT)
+    train_motion_model(*rows, held_out, settings, 0.2, np.random.default_rng(0))
 
 
 def train_by_torch(settings: BpnSettings) -> None:
@@ -73,8 +68,7 @@ def main() -> None:
     ]
     table = pd.DataFrame(results, columns=["what", "ours_s", "theirs_s", "ratio"]).round(4)
     print(f"{full.batch_size} rows a step, {200 * ROWS // full.batch_size / full_s:.0f} steps/s")
-    print(table.to_string(index=False))
-    table.to_csv(ROOT / "benchmarks/bpn.csv", index=False)
+    write_table(__file__, table)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 import psutil
 
-from benchmarks.pipeline import ROOT, prepare_folder, process_environment, run_stage
+from benchmarks.pipeline import ROOT, prepare_folder, process_environment, run_stage, write_table
 from finloop.base.parallel import Workers
 from finloop.extract import film
 from finloop.extract.write import extract_tracks
@@ -82,16 +82,12 @@ def time_extract(folder: Path, other_processes: list[psutil.Process]) -> tuple[f
 def run_scheduler() -> Iterator[list[psutil.Process]]:
     """Run Dask's scheduler and two workers as docs/cluster.md does; yield the processes."""
     address = f"tcp://127.0.0.1:{PORT}"
-    options = {
-        "env": process_environment(),
-        "stdout": subprocess.DEVNULL,
-        "stderr": subprocess.DEVNULL,
-    }
     dask = [sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", str(PORT)]
     worker = [sys.executable, "-m", "stages.cluster", address, "--count", "1"]
+    silent, environment = subprocess.DEVNULL, process_environment()
     processes = [
-        subprocess.Popen(dask, cwd="/", **options),  # type: ignore[call-overload]
-        *(subprocess.Popen(worker, cwd=ROOT, **options) for _ in range(2)),  # type: ignore[call-overload]
+        subprocess.Popen(command, cwd=home, env=environment, stdout=silent, stderr=silent)
+        for command, home in ((dask, Path("/")), (worker, ROOT), (worker, ROOT))
     ]
     try:
         yield [psutil.Process(process.pid) for process in processes]
@@ -187,8 +183,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         table = time_by_workers(folder).round(3)
-        print(table.to_string(index=False))
-        table.to_csv(ROOT / "benchmarks/cluster.csv", index=False)
+        write_table(__file__, table)
         if not all(same for _, _, same in compare_killed_runs(folder)):
             raise SystemExit("the bytes differ")
 

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
-from benchmarks.pipeline import write_table
+from benchmarks.pipeline import write_film_table
 from finloop.animate.encounters import (
     distance_quantiles,
     do_outlines_overlap,
@@ -37,9 +37,10 @@ FISH, SECONDS, STILL = 8, 60.0, 0.05
 def summarize_distances(
     distances: np.ndarray, speeds: np.ndarray, rate_hz: float
 ) -> dict[str, float]:
-    """Summarize distances (k,) to the nearest fish and speeds (ticks, n), NaN unknown.
+    """Return quantiles of distances, and how often and how long fish are still, by name.
 
-    All in body lengths.
+    distances (k,): to the nearest fish, body lengths; speeds (ticks, n): body lengths/s, NaN
+    unknown.
     """
     still = np.where(np.isnan(speeds), False, speeds < STILL)
     longest = run = np.zeros(still.shape[1], int)
@@ -110,4 +111,4 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
 
 
 if __name__ == "__main__":
-    write_table(__file__, film_rows)
+    write_film_table(__file__, film_rows)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
-from benchmarks.pipeline import ROOT
+from benchmarks.pipeline import write_table
 from benchmarks.speed import time_call, time_pairs
 from finloop.curve.dynamics import Material, Problem, SolverOptions, solve_motion
 from finloop.curve.stiffness import off_diagonal_share, stiffness_matrix
@@ -103,14 +103,8 @@ def main() -> None:
         seconds = min(
             time_call(partial(stiffness_matrix, "coif2", LARGE, levels))[0] for _ in range(5)
         )
-        rows.append(
-            (
-                f"K, {LARGE} × {LARGE}, {levels} levels / the limit",
-                seconds,
-                LIMIT_S,
-                seconds / LIMIT_S,
-            )
-        )
+        what = f"K, {LARGE} × {LARGE}, {levels} levels / the limit"
+        rows.append((what, seconds, LIMIT_S, seconds / LIMIT_S))
     basis = csr_array(wavelet_transform(np.eye(POINTS), "coif2", 4))
     k = stiffness_matrix("coif2", POINTS, 0)
     timing = time_pairs(
@@ -121,9 +115,7 @@ def main() -> None:
     table = table.assign(
         **{column: table[column].map("{:.4g}".format).astype(float) for column in table.columns[1:]}
     )
-    print(table.to_string(index=False))
-    table.to_csv(ROOT / "benchmarks/curve.csv", index=False)
-
+    write_table(__file__, table)
     shares = pd.DataFrame(
         {
             name: [100 * off_diagonal_share(stiffness_matrix(name, POINTS, m)) for m in range(7)]

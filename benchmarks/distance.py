@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from benchmarks.pipeline import ROOT, peak_mib
+from benchmarks.pipeline import ROOT, peak_mib, write_table
 from benchmarks.speed import time_call, time_pairs
 from finloop.base.arrays import Floats, Ints
 from finloop.distance.map import (
@@ -114,8 +114,7 @@ def main() -> None:
         (what, peak, alone, peak / alone, "GiB") for what, peak, alone in memory
     ]
     table = pd.DataFrame(results, columns=["what", "ours", "theirs", "ratio", "unit"]).round(4)
-    print(table.to_string(index=False))
-    table.to_csv(ROOT / "benchmarks/distance.csv", index=False)
+    write_table(__file__, table)
 
 
 if __name__ == "__main__":

@@ -19,8 +19,9 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import ROOT
+from benchmarks.pipeline import write_table
 from benchmarks.speed import time_call
+from finloop.base.arrays import Points
 from finloop.curve.contour import Curve
 from finloop.curve.glyph import glyph_outlines
 from finloop.morph.folds import count_polygon_folds, stays_simple
@@ -45,20 +46,26 @@ def single_contour_glyphs() -> dict[str, Curve]:
 
 
 def result_row(
-    morph_kind: str, is_free: list[bool], seconds: list[float], ratios: list[float]
-) -> dict:
-    """Return a row of the table: share of morphs without folds, their time and ratios."""
-    ms = 1000 * np.array(seconds)
+    morph_kind: str, morphs: list[tuple[float, Points]], linear_lengths: list[float]
+) -> dict[str, object]:
+    """Return a row of the table: share of morphs without folds, their times and path ratios.
+
+    morphs: seconds and frames (f, n, 2) of each; linear_lengths: of the paths of linear morphs.
+    """
+    ms = 1000 * np.array([seconds for seconds, _ in morphs])
+    lengths = np.array([path_lengths(frames)[-1] for _, frames in morphs])
+    ratios = lengths / linear_lengths
     return {
-        "what": morph_kind,
-        "pairs": len(is_free),
-        "simple_percent": 100 * np.mean(is_free),
-        "ms_mean": ms.mean(),
-        "ms_median": np.median(ms),
-        "ms_99": np.percentile(ms, 99),
-        "path_ratio_mean": np.mean(ratios),
-        "path_ratio_max": np.max(ratios),
-    }
+        "what": morph_kind, "pairs": len(morphs),
+        "simple_percent": 100 * np.mean([is_free_of_folds(frames) for _, frames in morphs]),
+        "ms_mean": ms.mean(), "ms_median": np.median(ms), "ms_99": np.percentile(ms, 99),
+        "path_ratio_mean": ratios.mean(), "path_ratio_max": ratios.max(),
+    }  # fmt: skip
+
+
+def is_free_of_folds(frames: Points) -> bool:
+    """Return whether no frame (f, n, 2) of a morph has a fold."""
+    return not count_polygon_folds(frames).any()
 
 
 def main() -> None:
@@ -67,45 +74,28 @@ def main() -> None:
     for a, b in pairs[:40:8]:  # compiles
         morph_without_folds(a, b, FRAMES, POINTS)
         physical_morph(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
-    straight = [time_call(partial(linear_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
-    way = [path_lengths(frames)[-1] for _, frames in straight]
-    swung = [
+    linear = [time_call(partial(linear_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
+    physical = [
         time_call(partial(physical_morph, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS))
         for a, b in pairs
     ]
-    found = [time_call(partial(morph_without_folds, a, b, FRAMES, POINTS)) for a, b in pairs]
+    simple = [time_call(partial(morph_without_folds, a, b, FRAMES, POINTS)) for a, b in pairs]
+    lengths = [path_lengths(frames)[-1] for _, frames in linear]
+    kept = [k for k, (_, frames) in enumerate(linear) if is_free_of_folds(frames)]
     rows = [
-        result_row(
-            name,
-            [not count_polygon_folds(frames).any() for _, frames in results],
-            [seconds for seconds, _ in results],
-            [path_lengths(frames)[-1] / far for (_, frames), far in zip(results, way, strict=True)],
-        )
-        for name, results in (
-            ("here: linear", straight),
-            ("here: physical", swung),
-            ("here: simple", found),
-        )
-    ]
-    unfolded = [not count_polygon_folds(frames).any() for _, frames in straight]
-    kept = [k for k, is_free in enumerate(unfolded) if is_free]
-    rows.append(
-        result_row(
-            "here: simple, where linear is",
-            [not count_polygon_folds(found[k][1]).any() for k in kept],
-            [found[k][0] for k in kept],
-            [path_lengths(found[k][1])[-1] / way[k] for k in kept],
-        )
-    )
+        result_row("here: linear", linear, lengths),
+        result_row("here: physical", physical, lengths),
+        result_row("here: simple", simple, lengths),
+        result_row("here: simple, where linear is", [simple[k] for k in kept],
+                   [lengths[k] for k in kept]),
+    ]  # fmt: skip
     rows += [
         {"what": f"measured elsewhere: {name}", "pairs": 276, "simple_percent": share}
         for name, share in OTHERS.items()
     ]
-    table = pd.DataFrame(rows).round(3)
-    print(table.to_string(index=False))
-    proved = sum(stays_simple(frames) for _, frames in found)
-    print(f"proved between frames: {proved} of {len(found)}")
-    table.to_csv(ROOT / "benchmarks/morph.csv", index=False)
+    write_table(__file__, pd.DataFrame(rows).round(3))
+    proved = sum(stays_simple(frames) for _, frames in simple)
+    print(f"proved between frames: {proved} of {len(simple)}")
 
 
 if __name__ == "__main__":

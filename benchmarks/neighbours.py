@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from pynndescent import NNDescent
 
-from benchmarks.pipeline import ROOT
+from benchmarks.pipeline import ROOT, write_table
 from finloop.base.arrays import Ints
 from finloop.base.nearest import Nearest, Vectors
 from finloop.base.parallel import Threads
@@ -98,15 +98,14 @@ LIBRARIES = {
 
 def measure_recall(found_rows: Ints, rows: Ints, true_rows: list[Ints]) -> float:
     """Return the share of the true neighbours of rows (k,) that are among the found (n, m)."""
-    own = drop_own_row(found_rows[rows], rows)
-    return float(
-        np.mean([np.isin(one, other).mean() for one, other in zip(true_rows, own, strict=True)])
-    )
+    found = drop_own_row(found_rows[rows], rows)
+    shares = [np.isin(true, near).mean() for true, near in zip(true_rows, found, strict=True)]
+    return float(np.mean(shares))
 
 
 def drop_own_row(nearest_rows: Ints, rows: Ints) -> list[Ints]:
     """Return the nearest (20,) of each row, from (k, 21 or more), without the row itself."""
-    return [one[one != row][:NEAREST] for one, row in zip(nearest_rows, rows, strict=True)]
+    return [near[near != row][:NEAREST] for near, row in zip(nearest_rows, rows, strict=True)]
 
 
 def measure_libraries(vectors: Vectors) -> pd.DataFrame:
@@ -138,11 +137,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", nargs="*", type=Path, default=[ROOT / "data"])
     folders = parser.parse_args().data
-    table = pd.concat(
-        [measure_libraries(film_vectors(one.resolve())) for one in folders], ignore_index=True
-    )
-    print(table.round(3).to_string(index=False))
-    table.round(3).to_csv(ROOT / "benchmarks/neighbours.csv", index=False)
+    tables = [measure_libraries(film_vectors(folder.resolve())) for folder in folders]
+    table = pd.concat(tables, ignore_index=True)
+    write_table(__file__, table.round(3))
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import pandas as pd
 import yaml
 
-from benchmarks.pipeline import ROOT, written_paths
+from benchmarks.pipeline import ROOT, load_stages, written_paths
 from finloop.base.override import format_override
 from finloop.base.settings import WORDS, variants
 from finloop.edit.modes import MODES
@@ -105,37 +105,28 @@ WHEN: dict[str, str] = {
 
 def when_it_acts(parameter: str) -> str:
     """Return when a parameter without effect on these films acts; empty if unknown."""
-    return WHEN.get(parameter) or next(
-        (WHEN[start] for start in WHEN if parameter.startswith(start)), ""
-    )
-
-
-def pipeline_stages() -> dict[str, Any]:
-    """Return the stages of dvc.yaml, in their order."""
-    text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
-    stages: dict[str, Any] = yaml.safe_load(text)["stages"]
-    return stages
+    by_prefix = (WHEN[start] for start in WHEN if parameter.startswith(start))
+    return WHEN.get(parameter) or next(by_prefix, "")
 
 
 def reading_stages(group: str) -> list[str]:
     """Return the stages that read a group of parameters, in their order.
 
-    `realism` also reads the parameters of `extract` and `features`: it measures as they do.
+    `realism` is left out of all groups but its own: it reads `extract` and `features`, too, but
+    only to measure as they do.
     """
-    return [
-        name
-        for name, stage in pipeline_stages().items()
-        if any(
-            parameter.partition(".")[0] == group
-            for parameter in stage.get("meta", {}).get("params", [])
-        )
-        and (name != "realism" or group == "realism")
-    ]
+    names = []
+    for name, stage in load_stages().items():
+        params = stage.get("meta", {}).get("params", [])
+        groups = {parameter.partition(".")[0] for parameter in params}
+        if group in groups and (name != "realism" or group == "realism"):
+            names.append(name)
+    return names
 
 
 def stage_outputs(stage: str) -> list[str]:
     """Return the files and folders that a stage writes."""
-    return sorted(written_paths(pipeline_stages()[stage]))
+    return sorted(written_paths(load_stages()[stage]))
 
 
 def digest_outputs(folder: Path, stage: str) -> str:
@@ -214,20 +205,31 @@ def run_unchanged(folder: Path, overrides: list[str], stages: Sequence[str]) -> 
     return {stage: digest for stage, digest in digests.items() if digest is not None}
 
 
+def move_outputs(stage: str, source: Path, target: Path) -> None:
+    """Move a stage's outputs from a folder to another, in place of those there."""
+    for out in stage_outputs(stage):
+        path = target / out
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+        if (source / out).exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.move(source / out, path)
+
+
 def first_changed_stage(
     group: str, key: str, base: Path, known_digests: dict[str, str], overrides: list[str]
 ) -> str | None:
-    """Return the first stage whose output a changed parameter changes; None if there is none."""
+    """Return the first stage whose output a changed parameter changes; None if there is none.
+
+    Up to four other values are tried. base: folder with the outputs, which stay; known_digests: of
+    each stage's outputs with the present value; overrides: the other parameters.
+    """
     stages = [stage for stage in reading_stages(group) if stage in known_digests]
     if not stages:
         return None
     value = yaml.safe_load((base / "params.yaml").read_text())[group][key]
-    (option, *_) = [
-        variant for variant in variants(group).values() if key in get_type_hints(variant)
-    ]
+    option = next(kind for kind in variants(group).values() if key in get_type_hints(kind))
     hint = get_type_hints(option, include_extras=True)[key]
-    tries = 0
-    name = f"{group}.{key}"
+    tries, name = 0, f"{group}.{key}"
     for value_to_try in [OTHER[name]] if name in OTHER else other_values(hint, value):
         if value_to_try == value or tries == 4:
             continue
@@ -235,18 +237,9 @@ def first_changed_stage(
             write_params(base, [*overrides, f"{name}={format_override(value_to_try)}"])
             tries += 1
             for stage in stages:
-                backup = base / "kept"
-                for out in stage_outputs(stage):
-                    if (base / out).exists():
-                        (backup / out).parent.mkdir(parents=True, exist_ok=True)
-                        shutil.move(base / out, backup / out)
+                move_outputs(stage, base, base / "kept")
                 digest = run_stage(base, stage)
-                for out in stage_outputs(stage):
-                    path = base / out
-                    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-                    if (backup / out).exists():
-                        path.parent.mkdir(parents=True, exist_ok=True)
-                        shutil.move(backup / out, path)
+                move_outputs(stage, base / "kept", base)
                 if digest not in (None, known_digests[stage]):
                     return stage
     return None
@@ -255,7 +248,7 @@ def first_changed_stage(
 def main() -> None:
     """Try every parameter; write benchmarks/parameters.csv."""
     wanted = sys.argv[1:] or [word for word in WORDS if word != "report"]
-    all_stages = [word for word in pipeline_stages() if word not in ("code", "params")]
+    all_stages = [stage for stage in load_stages() if stage not in ("code", "params")]
     rows: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as scratch:
         base = Path(scratch) / "film"

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
-from benchmarks.paths import longest_tracks, path_shapes
-from benchmarks.pipeline import write_table
+from benchmarks.paths import count_ticks_on_path, longest_tracks, path_shapes
+from benchmarks.pipeline import write_film_table
 from finloop.animate.paths import lay_path
 from finloop.animate.route import Route
 from finloop.animate.shoal import animate_fish
@@ -55,12 +55,7 @@ def animate_route(planner: Planner, ticks: int, seed: int, route: Route | None =
     """Animate a fish along a route until its end, or wandering without a route."""
     record = animate_fish(planner, [], ticks, np.random.default_rng(seed), route)
     if route is not None:
-        ticks_of_stretches = [
-            len(stretch.trajectory)
-            for stretch, name in zip(record.stretches, record.names, strict=True)
-            if name
-        ]
-        ticks = min(ticks, sum(ticks_of_stretches))
+        ticks = min(ticks, count_ticks_on_path(record))
     return Work(build_edit_lists([record], ticks, planner.edit_inputs))
 
 
@@ -137,4 +132,4 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
 
 
 if __name__ == "__main__":
-    write_table(__file__, film_rows)
+    write_film_table(__file__, film_rows)

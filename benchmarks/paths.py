@@ -22,6 +22,7 @@ from benchmarks.pipeline import film_table
 from finloop.animate.paths import lay_path
 from finloop.animate.shoal import animate_fish
 from finloop.base.line import PX, TRACK, Line
+from finloop.edit.stretch import Swim
 from finloop.features.line import track_as_path
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
 from finloop.plan.path_measures import find_departures, path_metrics, path_table, swimming_limits
@@ -123,6 +124,12 @@ def add_times(line: Line, speed_px: float) -> Line:
     return line._replace(x=x, y=y, time_s=distance / speed_px, closed=False)
 
 
+def count_ticks_on_path(swim: Swim) -> int:
+    """Return for how many ticks a fish swims its path: stretches without a name are wandering."""
+    stretches = zip(swim.stretches, swim.names, strict=True)
+    return sum(len(stretch.trajectory) for stretch, name in stretches if name)
+
+
 def measure_path(
     film_name: str, name: str, line: Line, animator: MatchingAnimator
 ) -> dict[str, object]:
@@ -134,23 +141,18 @@ def measure_path(
         ticks = min(ticks, len(path.route.when))
     player = animator.player
     record = animate_fish(player, [], ticks, np.random.default_rng(0), path.route)
-    played = sum(
-        len(stretch.trajectory)
-        for stretch, name_of_stretch in zip(record.stretches, record.names, strict=True)
-        if name_of_stretch
-    )
+    played = count_ticks_on_path(record)
     begin = time.process_time()  # time of the path alone: after an open path the fish wanders
     animate_fish(player, [], played, np.random.default_rng(0), path.route)
     planning_s = time.process_time() - begin
     table = path_table(MODE, record, path, ticks, world)
     departures = find_departures(table, path, world, swimming_limits(world.film, world))
     metrics = path_metrics(table, departures, path, world)
-    new_stretches = [
-        stretch
+    jumps = [
+        stretch.decision.seam
         for stretch, name_of_stretch in zip(record.stretches, record.names, strict=True)
         if name_of_stretch and stretch.new
     ]
-    jumps = [stretch.decision.seam for stretch in new_stretches]
     return {
         "film": film_name, "path": name, "timed": path.route.is_timed, "mode": MODE,
         **{key.removeprefix("path_"): value for key, value in metrics.items()},
@@ -175,9 +177,8 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
             yield measure_path(film_name, name, add_times(line, speed_px), animator)
         for name, line in longest_tracks(film_data, animator):
             animator_without = matching_animator(film_data._replace(lines=[line]), p)
-            yield measure_path(
-                film_name, name, line._replace(time_s=None, heading_deg=None), animator_without
-            )
+            untimed = line._replace(time_s=None, heading_deg=None)
+            yield measure_path(film_name, name, untimed, animator_without)
             yield measure_path(film_name, name, line, animator_without)
 
 
@@ -191,8 +192,7 @@ def main() -> None:
     groups = table.groupby(["film", "timed", "mode"], sort=False)
     whole = groups[columns].mean().join(groups["across_rms_body_lengths"].max().rename("worst"))
     print(whole.round(3).to_string())
-    out = Path(__file__).with_name("paths.csv")
-    table.to_csv(out, index=False, float_format="%.4g")
+    table.to_csv(Path(__file__).with_suffix(".csv"), index=False, float_format="%.4g")
 
 
 if __name__ == "__main__":

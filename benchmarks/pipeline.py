@@ -35,11 +35,17 @@ def film_table(film_rows: FilmRows) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def write_table(benchmark: str, film_rows: FilmRows) -> None:
+def write_film_table(benchmark: str, film_rows: FilmRows) -> None:
     """Print `film_table` and write it beside the benchmark's file."""
     table = film_table(film_rows)
     print(table.round(3).to_string())
     table.to_csv(Path(benchmark).with_suffix(".csv"), index=False, float_format="%.3g")
+
+
+def write_table(benchmark: str, table: pd.DataFrame, float_format: str | None = None) -> None:
+    """Print a table and write it beside the benchmark's file, as CSV in `float_format`."""
+    print(table.to_string(index=False))
+    table.to_csv(Path(benchmark).with_suffix(".csv"), index=False, float_format=float_format)
 
 
 def prepare_folder(folder: Path, overrides: Sequence[str]) -> None:
@@ -51,7 +57,7 @@ def prepare_folder(folder: Path, overrides: Sequence[str]) -> None:
 
 
 def run_stage(folder: Path, stage_name: str) -> dict[str, Any]:
-    """Run one stage in `folder`; return its numbers, empty for stages `modes-…`."""
+    """Run one stage in `folder`; return its numbers in reports/, empty for stages `modes-…`."""
     _run_python(folder, f"stages.{stage_name.replace('-', '.')}")
     return load_numbers(folder / f"reports/{stage_name}")
 
@@ -66,24 +72,31 @@ def does_read(dep: str, out: str) -> bool:
     return dep == out or dep.startswith(f"{out}/") or out.startswith(f"{dep}/")
 
 
+def load_stages() -> dict[str, dict[str, Any]]:
+    """Return the stages of dvc.yaml by name, in their order."""
+    stages: dict[str, dict[str, Any]]
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    return stages
+
+
 def with_dependencies(stage_names: Iterable[str]) -> list[str]:
     """Return stages and all they depend on, in the order of dvc.yaml.
 
-    If a dependency contains a mode, it is the mode in conf/.
+    Parameters in a dependency's path, such as the mode, have their values in conf/.
     """
-    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
-    makers = [(out, word) for word, stage in stages.items() for out in written_paths(stage)]
+    stages = load_stages()
+    makers = [(out, name) for name, stage in stages.items() for out in written_paths(stage)]
     todo, wanted = [*stage_names], set[str]()
     while todo:
-        wanted.add(word := todo.pop())
-        deps = {*map(fill_in_parameters, stages[word]["deps"])}
-        todo += {one for out, one in makers if any(does_read(dep, out) for dep in deps)} - wanted
-    return [word for word in stages if word in wanted]
+        wanted.add(name := todo.pop())
+        deps = {*map(fill_in_parameters, stages[name]["deps"])}
+        todo += {maker for out, maker in makers if any(does_read(d, out) for d in deps)} - wanted
+    return [name for name in stages if name in wanted]
 
 
 def data_stages(stage_names: Iterable[str]) -> list[str]:
     """Return the given stages and all they depend on, except checks and plots."""
-    return [word for word in with_dependencies(stage_names) if does_make_data(word)]
+    return [name for name in with_dependencies(stage_names) if does_make_data(name)]
 
 
 def does_make_data(stage_name: str) -> bool:
@@ -92,7 +105,7 @@ def does_make_data(stage_name: str) -> bool:
 
 
 def fill_in_parameters(dep: str) -> str:
-    """Return a dependency of dvc.yaml with the values in conf/ for its parameters."""
+    """Return a dependency of dvc.yaml with values from conf/ for its parameters, `${group.key}`."""
     return re.sub(
         r"\$\{(\w+)\.(\w+)\}", lambda name: str(read_conf_values(name[1], "default")[name[2]]), dep
     )

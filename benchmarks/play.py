@@ -23,7 +23,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from benchmarks.animate import STAGES
-from benchmarks.pipeline import ROOT, prepare_folder, run_stage
+from benchmarks.pipeline import ROOT, prepare_folder, run_stage, write_table
 from finloop.live.message import SetGoal
 from finloop.live.server import TankHost, create_tank_server
 from finloop.live.view import TankView
@@ -113,11 +113,8 @@ def send_random_messages(page: ClientConnection) -> tuple[float, float, int]:
             if number % 50 == 0:
                 receive_state(page)
     took = time.perf_counter() - start
-    return (
-        MESSAGES / took,
-        process.memory_info().rss / 2**20 - before,
-        receive_state(page)["bad"] - bad,
-    )
+    growth = process.memory_info().rss / 2**20 - before
+    return MESSAGES / took, growth, receive_state(page)["bad"] - bad
 
 
 def measure_view(view_name: str) -> Iterator[Row]:
@@ -158,8 +155,7 @@ def main() -> None:
             Path("data").symlink_to(ROOT / "data")
             rows += measure_view("results in data/")
     table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])
-    print(table.to_string(index=False))
-    table.to_csv(Path(__file__).with_name("play.csv"), index=False, float_format="%.4g")
+    write_table(__file__, table, "%.4g")
     print(f"wanted: 60 ticks/s; percentile 99 ≤ 16 ms; reaction ≤ 100 ms; {os.cpu_count()} cores")
 
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import ROOT, prepare_folder, run_stage
+from benchmarks.pipeline import prepare_folder, run_stage, write_table
 from benchmarks.speed import time_pairs
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
@@ -68,23 +68,17 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             cutouts, own = random_frames(Path(folder), overrides)
         targets = [pose.move_to(middle, middle, 0, SIZE / SPAN) for pose in own[1:] + own[:1]]
-
-        for ours_name, theirs_name in (
-            ("linear", "linear"),
-            ("cubic", "linear"),
-            ("cubic", "cubic"),
-        ):
+        for our_filter, peer_filter in (("linear", "linear"), ("cubic", "linear"), ("cubic",) * 2):
             mine, theirs, ratio, _ = time_pairs(
-                partial(draw_frames, cutouts, own, targets, ours_name == "cubic"),
-                partial(remap_frames, cutouts, (u, v), FILTERS[theirs_name]),
+                partial(draw_frames, cutouts, own, targets, our_filter == "cubic"),
+                partial(remap_frames, cutouts, (u, v), FILTERS[peer_filter]),
             )
-            what = f"{name}, {ours_name} / cv2.remap, {theirs_name}"
+            what = f"{name}, {our_filter} / cv2.remap, {peer_filter}"
             results.append((what, ROWS / mine, ROWS / theirs, ratio))
     table = pd.DataFrame(results, columns=["what", "pictures_per_s", "remaps_per_s", "time_ratio"])
     table = table.round({"pictures_per_s": 0, "remaps_per_s": 0, "time_ratio": 2})
-    print(table.to_string(index=False))
+    write_table(__file__, table)
     print(f"wanted: {LEAST_HZ} pictures/s, ratio {MOST_RATIO} at most")
-    table.to_csv(ROOT / "benchmarks/puppet.csv", index=False)
 
 
 if __name__ == "__main__":

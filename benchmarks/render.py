@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import ROOT, prepare_folder, run_stage
+from benchmarks.pipeline import prepare_folder, run_stage, write_table
 from benchmarks.speed import time_call, time_pairs
 from finloop.base.settings import settings
 from finloop.edit.bodies import Bodies
@@ -162,9 +162,8 @@ def main() -> None:
     table = pd.DataFrame(rows, columns=columns).round(
         {"frames_per_s": 0, "copies_per_s": 0, "time_ratio": 2}
     )
-    print(table.to_string(index=False))
+    write_table(__file__, table)
     print(f"wanted: {LEAST_HZ} frames/s; {THREADS} threads")
-    table.to_csv(ROOT / "benchmarks/render.csv", index=False)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ processor time, the peak memory of all processes of a stage together, and its si
 
 import argparse
 import json
-import os
 import resource
 import sys
 import tempfile
@@ -19,10 +18,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import psutil
-import yaml
 from matplotlib.figure import Figure
 
-from benchmarks.pipeline import ROOT, prepare_folder
+from benchmarks.pipeline import ROOT, load_stages, prepare_folder, process_environment
 from benchmarks.varied import write_film
 from finloop.io.numbers import load_numbers
 
@@ -43,9 +41,8 @@ _TABLE = ROOT / "benchmarks/scale.csv"
 
 def later_stages() -> list[str]:
     """Return the stages, except plots, that depend on `extract`, in their order."""
-    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     written, names = {"data/extract"}, []
-    for name, stage in stages.items():
+    for name, stage in load_stages().items():
         reads = {dep for dep in stage["deps"] if isinstance(dep, str)}
         if not name.startswith("plots-") and written & reads:
             names.append(name)
@@ -56,12 +53,11 @@ def later_stages() -> list[str]:
 def measure_stage(folder: Path, stage_name: str) -> dict[str, float]:
     """Run a stage or program; return its time, memory and disk. SystemExit if it fails."""
     log = folder / f"{stage_name}.log"
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     with log.open("wb") as output:
         process = psutil.Popen(
             [sys.executable, "-m", *PROGRAMS.get(stage_name, [f"stages.{stage_name}"])],
-            cwd=folder, env=environment, stdout=output, stderr=output,
+            cwd=folder, env=process_environment(), stdout=output, stderr=output,
         )  # fmt: skip
         peak_bytes, processor_s = 0, dict[int, float]()
         while process.poll() is None:
@@ -226,9 +222,7 @@ def main() -> None:
                     continue
                 rows.append({"pictures": pictures, "stage": stage, **stage_figures(folder, stage)})
                 print(pd.DataFrame(rows[-1:]).round(2).to_string(header=False), flush=True)
-            print(
-                pictures, {name: round(value, 2) for name, value in measure_quality(folder).items()}
-            )
+            print(pictures, pd.Series(measure_quality(folder)).round(2).to_dict())
     table = pd.DataFrame(rows)
     if options.stages:
         print(sum_stages(table).round(2).to_string(index=False))

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.company import summarize_distances
 from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
-from benchmarks.pipeline import write_table
+from benchmarks.pipeline import write_film_table
 from finloop.animate.encounters import count_overlaps, fish_places, nearest_distances
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import animate_group, make_tasks
@@ -33,9 +33,8 @@ def measure_group(animator: MatchingAnimator, seconds_per_goal: float) -> dict[s
     """Return overlaps, goals, distances, speeds and planning time of animated fish, as a row."""
     world, player = animator.world, animator.player
     p, rate, ticks = world.settings, world.motion.rate_hz, world.duration
-    goals = random_goals(
-        world, p.fish * round(p.seconds / seconds_per_goal), np.random.default_rng(1)
-    )
+    goal_count = p.fish * round(p.seconds / seconds_per_goal)
+    goals = random_goals(world, goal_count, np.random.default_rng(1))
     animate_group(player, make_tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
     tasks = make_tasks(goals, p.fish, np.random.default_rng(p.seed))
     start = time.process_time()
@@ -44,15 +43,13 @@ def measure_group(animator: MatchingAnimator, seconds_per_goal: float) -> dict[s
     edit = build_edit_lists(swims, ticks, player.edit_inputs)
     listed = time.process_time()
     places, length = fish_places(edit), world.motion.body_length_px
-    nearest = (
-        np.concatenate([nearest_distances(tick) for tick in places.transpose(1, 0, 2)]) / length
-    )
+    nearest_px = np.concatenate([nearest_distances(tick) for tick in places.transpose(1, 0, 2)])
     speeds = np.hypot(*np.diff(places, axis=1).transpose(2, 1, 0)) / length * rate
     return {
         "mode": MODE, "fish": p.fish, "overlap": p.overlap, "s": p.seconds,
         "overlapping_pairs": int(count_overlaps(edit, player).sum()),
         "goals_reached_pct": 100 * np.concatenate([swim.reached >= 0 for swim in swims]).mean(),
-        **summarize_distances(nearest, speeds, rate),
+        **summarize_distances(nearest_px / length, speeds, rate),
         "planned_real_times": p.seconds / (planned - start),
         "with_edit_list_real_times": p.seconds / (listed - start),
     }  # fmt: skip
@@ -63,15 +60,13 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     p = settings_without_path()
     with Project() as project:
         for fish, size, seconds, goal_s in SHOALS:
-            group_settings = replace_settings(
-                p, fish=fish, fish_scale=size, seconds=seconds, overlap=False
-            )
-            row = measure_group(
-                matching_animator(matching_data(project, group_settings), group_settings), goal_s
-            )
+            changes = {"fish": fish, "fish_scale": size, "seconds": seconds, "overlap": False}
+            group_settings = replace_settings(p, **changes)
+            film_data = matching_data(project, group_settings)
+            row = measure_group(matching_animator(film_data, group_settings), goal_s)
             print(row, flush=True)
             yield {"film": film_name, "size": size, **row}
 
 
 if __name__ == "__main__":
-    write_table(__file__, film_rows)
+    write_film_table(__file__, film_rows)

@@ -26,7 +26,7 @@ from skan import Skeleton, summarize
 from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
-from benchmarks.pipeline import ROOT, prepare_folder, run_stage
+from benchmarks.pipeline import prepare_folder, run_stage, write_table
 from finloop.base.parallel import Processes, Threads, start_fork_server
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film_frames
@@ -46,8 +46,7 @@ from finloop.extract.segment import SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.extract.write import load_sample_frames
-from finloop.features.table import FEATURES, measure_features
-from finloop.features.table import FeaturesSettings as FeatureSettings
+from finloop.features.table import FEATURES, FeaturesSettings, measure_features
 from finloop.io.cutouts import tracks_writer
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table, save_table
@@ -97,24 +96,23 @@ def decode_film(path: Path) -> int:
     return count
 
 
-def extract_and_features(clip: Path, out: Path, how: ExtractSettings, then: FeatureSettings) -> int:
+def extract_and_features(clip: Path, out: Path, p: ExtractSettings, q: FeaturesSettings) -> int:
     """Run the work of both stages without pictures; return the number of fish-frames."""
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
-    frames = load_sample_frames(clip / "clip.mp4", facts, how.samples)
-    scene, typical = measure_scene_and_fish(frames, arena, how, Threads(THREADS))
+    frames = load_sample_frames(clip / "clip.mp4", facts, p.samples)
+    scene, typical = measure_scene_and_fish(frames, arena, p, Threads(THREADS))
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
-    detector = Detector(arena, typical, how)
+    detector = Detector(arena, typical, p)
     whole = ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
     found = detect_in_clip(whole, scene, detector, Processes(THREADS))
-    linked = link_tracks(
-        fill_lost_frames(found, []), typical, how, [start for start, _ in facts.segments[1:]]
-    )
-    with tracks_writer(out, tracks_schema(how.points)) as write:
-        for lot in batch_fish(some for _, some in linked):
+    cuts = [start for start, _ in facts.segments[1:]]
+    linked = link_tracks(fill_lost_frames(found, []), typical, p, cuts)
+    with tracks_writer(out, tracks_schema(p.points)) as write:
+        for lot in batch_fish(fish_of_frame for _, fish_of_frame in linked):
             write(track_table_rows(lot), fish_cutouts(lot))
-    table = load_table(out / "tracks.parquet", tracks_schema(how.points))
-    measured, _ = measure_features(table, facts.frame_rate_hz, then)
+    table = load_table(out / "tracks.parquet", tracks_schema(p.points))
+    measured, _ = measure_features(table, facts.frame_rate_hz, q)
     save_table(out / "features.parquet", measured, FEATURES)
     return len(measured)
 
@@ -140,26 +138,17 @@ def run_both_stages(folder: Path) -> int:
     return int(fish)
 
 
-def carp_masks(
-    count: int, extract_settings: ExtractSettings
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return masks and difference images of the drawn carp, default size."""
-    frames = [
-        frame
-        for frame, _ in film_frames(settings("clip", source="carp", frames=count, colour=False))
-    ]
+def carp_masks(count: int, p: ExtractSettings) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return masks and difference images of the drawn carp, default size, in `count` frames."""
+    film = film_frames(settings("clip", source="carp", frames=count, colour=False))
+    frames = [frame for frame, _ in film]
     arena = np.full(frames[0].shape, 255, np.uint8)
-    scene, _ = measure_scene_and_fish(frames[:: max(1, count // 41)], arena, extract_settings)
+    scene, _ = measure_scene_and_fish(frames[:: max(1, count // 41)], arena, p)
+    edge = SilhouetteEdge(p.outline_contrast_ratio, p.shadow, "all")
     return [
         (silhouette.mask, silhouette.field)
         for frame in frames
-        for silhouette in find_silhouettes(
-            frame,
-            scene,
-            arena,
-            200,
-            SilhouetteEdge(extract_settings.outline_contrast_ratio, extract_settings.shadow, "all"),
-        )
+        for silhouette in find_silhouettes(frame, scene, arena, 200, edge)
     ]
 
 
@@ -198,12 +187,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         prepare_folder(scratch, ["clip=zebrafish", "clip.parts=A"])
-        how, then = settings("extract"), settings("features")
+        p, q = settings("extract"), settings("features")
         run_stage(scratch, "clip")
         clip, source = scratch / "data/clip", fetch_zebrafish_clips("A", find_cache_folder())[0]
         for name, path in (("normalised clip", clip / "clip.mp4"), ("source file", source)):
             mine, theirs, ratio, fish = time_pairs(
-                lambda: extract_and_features(clip, scratch, how, then), partial(decode_film, path)
+                lambda: extract_and_features(clip, scratch, p, q), partial(decode_film, path)
             )
             print(f"zebrafish A: {fish} fish-frames, {fish / mine:.0f} fish/s")
             results.append((f"extract + features / only decoding the {name}", mine, theirs, ratio))
@@ -213,14 +202,14 @@ def main() -> None:
         print(f"{TIMES} times as long: {fish} fish-frames, {fish / mine:.0f} fish/s")
         results.append(("both stages as commands, of a film ten times as long / only decoding it",
                         mine, theirs, ratio))  # fmt: skip
-        outlines = carp_masks(200, how)
+        outlines = carp_masks(200, p)
         masks = [mask for mask, _ in outlines]
         for name, work in (
             ("skan.summarize", lambda: skan_length(masks)),
             ("scikit-image + longest path", lambda: skimage_length(masks)),
         ):
             mine, theirs, ratio, _ = time_pairs(
-                lambda: [trace_backbone(m, f, how.points, 6.0) for m, f in outlines], work
+                lambda: [trace_backbone(m, f, p.points, 6.0) for m, f in outlines], work
             )
             print(
                 f"backbones of a 110 px carp, one core: {len(masks) / mine:.0f}/s; "
@@ -228,8 +217,7 @@ def main() -> None:
             )
             results.append((f"backbones / {name}", mine, theirs, ratio))
     table = pd.DataFrame(results, columns=["what", "ours_s", "theirs_s", "ratio"]).round(4)
-    print(table.to_string(index=False))
-    table.to_csv(ROOT / "benchmarks/speed.csv", index=False)
+    write_table(__file__, table)
     print(f"{THREADS} threads")
 
 

@@ -29,7 +29,7 @@ import pandas as pd
 import psutil
 import yaml
 from playwright.sync_api import Page, sync_playwright
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from finloop.io.journal import save_journal
@@ -112,17 +112,17 @@ def run_session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
         program.wait(60)
 
 
-def connect_experimenter(session: Live) -> Any:
-    """Return a connection to a session as the experimenter's page makes it."""
+def connect_page(session: Live, page: str) -> ClientConnection:
+    """Return a connection to a session as one of its pages makes it, such as "experimenter"."""
     return connect(
-        f"ws://{session.address}/experimenter", origin=Origin(f"http://{session.address}"),
+        f"ws://{session.address}/{page}", origin=Origin(f"http://{session.address}"),
         compression=None, max_queue=4,
     )  # fmt: skip
 
 
-def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -> list[dict]:
-    """Start a session, call `meanwhile` every step until the end; return the last state."""
-    with connect_experimenter(live) as way:
+def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -> None:
+    """Start a session, and call `meanwhile` with the time every `step_s` until it is done."""
+    with connect_page(live, "experimenter") as way:
         state = json.loads(way.recv())
         way.send('{"do":"start"}')
         due = time.perf_counter()
@@ -135,7 +135,6 @@ def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -
                     state = json.loads(way.recv(timeout=max(waiting_s, 0.0)))
                 except TimeoutError:
                     break
-        return state
 
 
 def finish_session(session: Live) -> None:
@@ -198,24 +197,15 @@ def frame_timing(session_name: str, record: SessionRecord) -> Iterator[Row]:
                 value = float(np.percentile(values, share))
                 yield session_name, f"input to {name}, percentile {share}", "ms", value
             yield session_name, f"input to {name}, so many", "1", len(values)
-    yield (
-        session_name,
-        "ticks against the clock, SD",
-        "ms",
-        float(measure_tick_errors_ms(table).std()),
-    )
+    error_ms = float(measure_tick_errors_ms(table).std())
+    yield session_name, "ticks against the clock, SD", "ms", error_ms
     frames = table[(table["kind"] == "frame") & table["trial"].notna()]
     seconds = float(frames["time_s"].iloc[-1] - frames["time_s"].iloc[0])
     yield session_name, "displayed frames", "1/s", (len(frames) - 1) / seconds
     yield session_name, "dropped frames", "1", float(frames["dropped"].sum())
     yield session_name, "displayed in all", "1", len(frames)
-    drawing_ms = 1e3 * (frames["drawn_s"] - frames["time_s"])
-    yield (
-        session_name,
-        "drawn after the frame began, percentile 99",
-        "ms",
-        float(drawing_ms.quantile(0.99)),
-    )
+    drawing_ms = float((1e3 * (frames["drawn_s"] - frames["time_s"])).quantile(0.99))
+    yield session_name, "drawn after the frame began, percentile 99", "ms", drawing_ms
 
 
 def measure_long_show(fish: int, minutes: float) -> Iterator[Row]:
@@ -264,13 +254,8 @@ def measure_poor_input() -> Iterator[Row]:
     }
     options = ["--animal", "track:0", "--loss", "0.2", "--jitter", "0.05", "--gap", "2"]
     for name, condition in conditions.items():
-        protocol = {
-            "name": name,
-            "seed": 1,
-            "animals": {"unit": "px"},
-            "conditions": {name: condition},
-        }
-        with run_session(protocol, *options) as live:
+        protocol = {"name": name, "seed": 1, "conditions": {name: condition}}
+        with run_session(protocol | {"animals": {"unit": "px"}}, *options) as live:
             run_through(live, lambda now: None, 1.0)
             finish_session(live)
             steps[name] = displayed_speeds(open_record(live))
@@ -278,12 +263,8 @@ def measure_poor_input() -> Iterator[Row]:
         what = f"one fish, {name}, 20 % lost, 50 ms jitter, gaps of 2 s"
         for share in (50, 99.9, 100):
             value = float(np.percentile(values, share) / steps["wander"].max())
-            yield (
-                what,
-                f"step between frames / greatest of wander, percentile {share:g}",
-                "1",
-                value,
-            )
+            measure = f"step between frames / greatest of wander, percentile {share:g}"
+            yield what, measure, "1", value
 
 
 def hostile_texts(count: int, seed: int) -> Iterator[bytes]:
@@ -307,7 +288,7 @@ def send_hostile_messages() -> Iterator[Row]:
         "conditions": {"avoid": {"seconds": 120, "motion": {"rule": {"rule": "avoid"}}}},
     }  # fmt: skip
     with run_session(protocol) as live:
-        with connect_experimenter(live) as way:
+        with connect_page(live, "experimenter") as way:
             way.send('{"do":"start"}')
             way.recv()
         before = 0.0
@@ -318,23 +299,18 @@ def send_hostile_messages() -> Iterator[Row]:
                 live.send(text)
                 live.send(text, osc=True)
             for path in ("animals", "display", "experimenter"):
-                with connect(
-                    f"ws://{live.address}/{path}", origin=Origin(f"http://{live.address}"),
-                    compression=None, max_queue=4,
-                ) as way:  # fmt: skip
+                with connect_page(live, path) as way:
                     for number, text in enumerate(hostile_texts(MESSAGES, turn)):
                         way.send(text.decode("latin-1") if number % 2 else text)
                         if path == "experimenter" and number % 20 == 0:
                             way.recv()
         growth = live.program.memory_info().rss / 2**20 - before
-        with connect_experimenter(live) as way:
-            state = json.loads(way.recv())
-            heard = state["heard"]
+        with connect_page(live, "experimenter") as way:
+            refused = json.loads(way.recv())["heard"].get("malformed", 0)
             way.send('{"do":"abort"}')
         finish_session(live)
         yield what, "memory that they took", "MiB", growth
-        yield what, "positions refused", "1", sum(
-            count for name, count in heard.items() if name == "malformed")  # fmt: skip
+        yield what, "positions refused", "1", refused
         yield from frame_timing(what, open_record(live))
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks.animate import STAGES
-from benchmarks.pipeline import ROOT, prepare_folder, run_stage
+from benchmarks.pipeline import prepare_folder, run_stage, write_table
 from finloop.edit.modes import MODES
 
 PAPER_FRAMES = 4480
@@ -55,9 +55,8 @@ def main() -> None:
             for process, paper, words in TABLE
         ]
     )
-    print(table.to_string(index=False))
+    write_table(__file__, table)
     print("each mode: an animation of 60 s, `animate.trials` and those that `realism` compares")
-    table.to_csv(ROOT / "benchmarks/table2.csv", index=False)
 
 
 if __name__ == "__main__":

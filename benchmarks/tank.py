@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from benchmarks.pipeline import write_table
 from finloop.io.movie import Mp4Writer
 from finloop.project import Project
 from finloop.tank.camera import PRESETS, TOUR, TankSize, camera_views
@@ -60,15 +61,15 @@ def main() -> None:
                     rows.append((f"{TOUR}, written as H.264", *frame_rates(show(TOUR, writer))))
     columns = ["camera", "frames_per_s", "quarter_fastest_frames_per_s", "p99_ms", "cpu_ms"]
     table = pd.DataFrame(rows, columns=columns).round(1)
-    print(table.to_string(index=False))
+    write_table(__file__, table)
     print(f"wanted: {LEAST_HZ} frames/s; {fish.skins.skin.cache_info().misses} skins made")
-    table.to_csv(Path(__file__).with_name("tank.csv"), index=False)
 
 
 def frame_rates(frame_times: np.ndarray) -> tuple[float, ...]:
-    """Return frames per second by the median and the first quartile of the times, and ms at p99.
+    """Return frames per second (median, and of the fastest quarter), ms at percentile 99, work.
 
-    Last comes ms of work per frame on all cores together, which ignores other running programs.
+    Work is the processor time of a frame on all cores, ms: other programs do not count.
+    frame_times (n, 2): wall time and processor time of each frame, s.
     """
     wall, work = frame_times.T
     median_s, quarter_s, slow_s = np.quantile(wall, (0.5, 0.25, 0.99))

@@ -11,9 +11,7 @@ second half, which the fit of the zones did not use; `first_half` is the film's.
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import sys
 from collections.abc import Iterator
-from contextlib import chdir
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -21,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.matching import MODE, matching_data, replace_settings, settings_without_path
+from benchmarks.pipeline import film_table
 from finloop.calibrate.film import FilmGroup, build_film_group
 from finloop.calibrate.rule import measure_steps_without_others, simulate_point_fish
 from finloop.features.table import infer_delta_frames
@@ -66,8 +65,8 @@ def couzinswarm_points(film: FilmGroup) -> Iterator[tuple[str, pd.DataFrame]]:
     yield "couzinswarm", measure_group(frame, length * places.reshape(-1, 2), heading, walls)
 
 
-def film_tables(folder: Path) -> pd.DataFrame:
-    """Return the comparison of all groups with the film in a folder."""
+def film_rows(film_name: str) -> list[dict[str, object]]:
+    """Return the comparison of all groups with the film in the present folder, as rows."""
     p = replace_settings(settings_without_path(), seconds=SECONDS, trials=0, follow_pairs=[])
     tables: dict[str, list[pd.DataFrame]] = {}
     with Project() as project:
@@ -100,23 +99,17 @@ def film_tables(folder: Path) -> pd.DataFrame:
         for name, lot in tables.items()
         for run, one in enumerate(lot)
     ]
-    return pd.concat(rows).assign(film=folder.resolve().name)
+    return pd.concat(rows).assign(film=film_name).to_dict("records")
 
 
 def main() -> None:
     """Print and write the table: mean and largest distance over the seeds."""
-    made = []
-    for folder in map(Path, sys.argv[1:] or ["."]):
-        with chdir(folder):
-            made.append(film_tables(Path()))
     by = ["film", "shoal", "beside", "measure"]
-    table = pd.concat(made).groupby(by, sort=False).agg(
+    table = film_table(film_rows).groupby(by, sort=False).agg(
         median=("median", "mean"), distance=("distance", "mean"), largest=("distance", "max")
     )  # fmt: skip
-    wide = table["distance"].unstack("measure")
-    print(wide.round(3).to_string())
-    target = Path(__file__).with_name("zones.csv")
-    table.reset_index().to_csv(target, index=False, float_format="%.3g")
+    print(table["distance"].unstack("measure").round(3).to_string())
+    table.reset_index().to_csv(Path(__file__).with_suffix(".csv"), index=False, float_format="%.3g")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from scipy.optimize import linear_sum_assignment
 from websockets.sync.client import connect
 
 
-def background_of(film: cv2.VideoCapture, count: int = 31) -> np.ndarray:
+def median_background(film: cv2.VideoCapture, count: int = 31) -> np.ndarray:
     """Return the median of some grey frames, and rewind a film."""
     grey, frames = [], int(film.get(cv2.CAP_PROP_FRAME_COUNT))
     for number in range(count):
@@ -32,7 +32,7 @@ def background_of(film: cv2.VideoCapture, count: int = 31) -> np.ndarray:
     return np.median(grey, axis=0).astype(np.float32)
 
 
-def frames_of(film: cv2.VideoCapture) -> Iterator[tuple[float, np.ndarray]]:
+def read_frames(film: cv2.VideoCapture) -> Iterator[tuple[float, np.ndarray]]:
     """Yield time (s) and grey picture of each frame; a film plays at its own rate."""
     is_film, begin = film.get(cv2.CAP_PROP_FRAME_COUNT) > 0, time.perf_counter()
     for number in itertools.count():
@@ -47,8 +47,10 @@ def frames_of(film: cv2.VideoCapture) -> Iterator[tuple[float, np.ndarray]]:
         yield t, cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
 
 
-def blobs_of(grey: np.ndarray, background: np.ndarray, least: np.ndarray, most: int) -> np.ndarray:
-    """Return the centres (n, 2) of the largest blobs; adapt the background elsewhere."""
+def find_blobs(
+    grey: np.ndarray, background: np.ndarray, least: np.ndarray, most: int
+) -> np.ndarray:
+    """Return the centres (n, 2) px of the largest blobs; adapt the background elsewhere."""
     mask = np.uint8(cv2.absdiff(grey, cv2.convertScaleAbs(background)) > least)
     mask = cv2.medianBlur(mask, 5)
     cv2.accumulateWeighted(grey, background, 0.01, 1 - mask)
@@ -67,7 +69,7 @@ def track_animals(
     """
     places = np.full((most, 2), 1e6)  # last place of each id
     for t, grey in frames:
-        blobs = blobs_of(grey, background, least, most)
+        blobs = find_blobs(grey, background, least, most)
         away = np.linalg.norm(places[:, None] - blobs, axis=2)
         ids, found = linear_sum_assignment(away)
         places[ids] = blobs[found]
@@ -99,11 +101,11 @@ if __name__ == "__main__":
     film = cv2.VideoCapture(int(options.source) if options.source.isdecimal() else options.source)
     if not film.isOpened():
         parser.error(f"there is no camera or film {options.source}")
-    ground = background_of(film)
+    ground = median_background(film)
     (left, top, right, bottom), least = options.box, np.full(ground.shape, 255)
     least[top:bottom, left:right] = options.contrast
     with open_sender(options.to) as send:
-        for messages in track_animals(frames_of(film), ground, least, options.animals):
+        for messages in track_animals(read_frames(film), ground, least, options.animals):
             if messages:
                 messages[0] |= {"token": options.token} if options.token else {}
                 send(json.dumps(messages))

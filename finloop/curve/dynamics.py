@@ -208,7 +208,6 @@ class Response(NamedTuple):
 def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
     """Return the factors (t, m) that solve Eq. 3.16 for m independent oscillators at times (t,).
 
-    Place and speed are sums of the factors times the first place, the first speed and the force.
     forced: False leaves out the factor of the force (it is 0) and saves half of the time. The
     formulas neither cancel nor overflow near double roots, where swinging becomes creeping.
     """
@@ -257,8 +256,8 @@ def _force_response(total: Floats, product: Floats, slow: Floats, decayed_place:
     """Return how far a constant force of 1 moves oscillators from rest, in units of time²/density.
 
     −x and −y are the two roots of the characteristic polynomial, each multiplied by the time since
-    the start; they are complex where the oscillator swings. total = x + y, product = xy; slow: of
-    real x, y, the smaller (others are not used). decayed_place: the place of an oscillator that
+    the start; they are complex where the oscillator swings. total = x + y, product = xy; slow: the
+    smaller of x and y if they are real, else unused. decayed_place: where an oscillator is that
     began at place 1, at rest. All arguments and the result are (times, oscillators).
 
     The result is (1 − decayed_place) / product. Where this cancels: if x and y are small, a power
@@ -282,8 +281,8 @@ def oscillator_motion(
 ) -> tuple[Numbers, Numbers]:
     """Return exact places and speeds, (t, m, d) each, of m oscillators under a constant force.
 
-    a, v (m, d): places and speeds at the start, may be complex as FFTs are; times (t,): since the
-    start; force (m, d), or None for none.
+    a, v (m, d): places and speeds at the start, real or complex as Fourier coefficients are; times
+    (t,): since the start; force (m, d), None = 0.
     """
     response = oscillator_response(oscillators, times, forced=force is not None)
     factors = Response(*(factor[..., None] for factor in response))
@@ -444,16 +443,13 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
 
 
 def _euler_step(times: Floats, substeps: int) -> float:
-    """Return Δt, the length of Euler's steps, `substeps` of them from one of the times to the next.
+    """Return Δt, the length of Euler's steps, of which there are `substeps` from time to time.
 
-    FinloopError if the times are not evenly spaced.
+    FinloopError if the times are not evenly spaced, or `substeps` is below 1.
     """
     intervals = np.diff(times)
-    if (
-        substeps < 1
-        or not len(intervals)
-        or not np.allclose(intervals, intervals[0], rtol=1e-9, atol=0)
-    ):
+    is_even = len(intervals) and np.allclose(intervals, intervals[0], rtol=1e-9, atol=0)
+    if substeps < 1 or not is_even:
         raise FinloopError(
             f"{len(times)} times, perhaps unevenly spaced, and {substeps} substeps",
             "two or more evenly spaced times and at least 1 substep, for Euler's method",
@@ -493,9 +489,9 @@ def _build_solver(matrix: csr_array, method: str) -> Callable[[Floats], Floats]:
 
 
 def invert_by_schulz(matrix: Floats) -> tuple[Floats, int, float]:
-    """Return the inverse of a matrix C by Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖.
+    """Return a matrix C's inverse X, the number of iterations, and the largest entry of |I − XC|.
 
-    Also return the number of iterations, and the largest entry of |I − XC|, at most
+    The method is Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖, until that entry is at most
     SCHULZ_TOLERANCE. The paper names no norm; this one is the largest row sum, which bounds every
     eigenvalue, so the iteration converges. FinloopError if the matrix is singular, or nearly.
     """
@@ -524,9 +520,9 @@ def total_energy(problem: Problem, motion: Trajectory) -> Floats:
     """
     n = len(problem.rest)
     k = stiffness_eigenvalues(problem.wavelet, n, problem.material.elastic)
-    counts = np.full(len(k), 2.0)  # rfft leaves out the mirror images
+    counts = np.full(len(k), 2.0)  # of each mode of rfft in the full transform
     counts[[0, -1]] = 1
-    modes = np.abs(np.fft.rfft(motion.displacement, axis=1)) ** 2
-    elastic = np.einsum("tmd,m->t", modes, counts * k) / n**2
+    squared_modes = np.abs(np.fft.rfft(motion.displacement, axis=1)) ** 2
+    elastic = np.einsum("tmd,m->t", squared_modes, counts * k) / n**2
     kinetic = problem.material.density * (motion.velocity**2).sum(axis=(1, 2)) / n
     return (elastic + kinetic) / 2

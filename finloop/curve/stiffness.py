@@ -44,7 +44,7 @@ class ConnectionCoefficients:
 
 @cache
 def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
-    """Return integrals μ and ν of products of a wavelet's derivatives (Eqs. 3.11, 3.14).
+    """Return the connection coefficients of a wavelet, kept for later calls (Eqs. 3.11, 3.14).
 
     μ is the null vector of Eq. 3.11, scaled by Σ l² μ_l = −2: ∫ φ'' x² = 2, integrated by parts,
     after Beylkin. ν follows by Eq. 3.14, which holds for l = 0 too: ν₀ = 7 μ₀. FinloopError if the
@@ -69,9 +69,9 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
             "a wavelet with φ in H¹",
             "use a smoother wavelet: db3 or longer, coif1, sym4, …",
         )
-    # Eq. 3.11: μ = 4 T μ, for l ≥ 0 alone, as μ_l = μ_{−l}.
+    # Eq. 3.11, μ = 4 T μ, for l ≥ 0 alone: as μ_l = μ_{−l}, columns −l are added to columns l.
     count = taps - 1  # μ_l is 0 beyond the support
-    transfer = _refinement_matrix(alpha, count)
+    transfer = _refinement_matrix(alpha, count)  # row and column count − 1 are l = 0
     folded = transfer[count - 1 :, count - 1 :].copy()
     folded[:, 1:] += transfer[count - 1 :, count - 2 :: -1]
     mu = np.linalg.svd(4 * folded - np.eye(count))[2][-1]
@@ -97,10 +97,10 @@ def _refinement_matrix(alpha: Floats, size: int) -> Floats:
 def _sobolev_smoothness(alpha: Floats) -> float:
     """Return how smooth a wavelet's scaling function φ is: its Sobolev exponent s, at most 2.
 
-    That is the largest s with φ in H^s. alpha (P + 1,): autocorrelation of the low filter at lags
-    0 … P. The method is Villemoes's (1992). If every straight line is a sum of shifted φ, the
-    transfer operator keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a
-    step. Otherwise φ has a jump or worse, and the result is 0.5.
+    φ lies in H^r for every r < s. alpha (P + 1,): autocorrelation of the low filter at lags 0 … P.
+    The method is Villemoes's (1992). If every straight line is a sum of shifted φ, the transfer
+    operator keeps the moments 0 … 3 of a sequence at 0, and shrinks such a sequence by 4^−s a step,
+    in the end. Otherwise φ has a jump or worse, and the result is 0.5.
     """
     size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size
@@ -156,25 +156,27 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
     rows, columns, values = [], [], []
     for number, scale in enumerate(slices):
         for finer in slices[number:]:
-            part = first_rows[number, finer]
+            first_row = first_rows[number, finer]
             if finer is scale:
-                part = (part + np.roll(part[::-1], 1)) / 2  # symmetric to the last digit
-            row, column, value = _block_entries(part, scale, finer)
-            # Blocks below the diagonal are transposes.
-            pairs = [(row, column)] if finer is scale else [(row, column), (column, row)]
-            for down, across in pairs:
-                rows.append(down)
-                columns.append(across)
+                first_row = (first_row + np.roll(first_row[::-1], 1)) / 2  # symmetric exactly
+            row, column, value = _block_entries(first_row, scale, finer)
+            rows.append(row)
+            columns.append(column)
+            values.append(value)
+            if finer is not scale:  # the block below the diagonal is the transpose
+                rows.append(column)
+                columns.append(row)
                 values.append(value)
     entries = np.concatenate(rows), np.concatenate(columns)
     return csr_array((np.concatenate(values), entries), shape=(n, n))
 
 
 def _first_rows_of_scales(wavelet: str, n: int, levels: int, elastic: float) -> Floats:
-    """Return the first row of each scale in the stiffness matrix in the wavelet basis: (scales, n).
+    """Return the rows of K that belong to the first function of each scale, (scales, n).
 
-    It is found without the matrix: K, in the basis of φ a circulant, is applied to the first
-    function of the scale. n: points of the curve; levels: halvings; elastic: the constant e₀.
+    K is the stiffness matrix in the wavelet basis. Its rows are found without it: the circulant K
+    in the basis of φ is applied to these functions. n: points of the curve; levels: halvings;
+    elastic: the constant e₀.
     """
     slices = scale_slices(n, levels)
     units = np.zeros((n, len(slices)))
@@ -190,16 +192,17 @@ def _first_rows_of_scales(wavelet: str, n: int, levels: int, elastic: float) -> 
 def _block_entries(first_row: Floats, scale: slice, finer: slice) -> tuple[Ints, Ints, Floats]:
     """Return rows, columns and values (k,) of the nonzero entries in a block of K.
 
-    first_row: of the block, whose rows are those of a scale and whose columns those of the same or
-    a finer one. A step at one scale is 2, 4, … steps at finer scales: from row to row the entries
-    move on so far, round the curve.
+    scale: rows of the block; finer: its columns, of the same scale or a finer one; first_row: its
+    first row. Each other row is the row before, moved on round the curve by as many columns as
+    there are for a row.
     """
-    count, size = scale.stop - scale.start, finer.stop - finer.start
-    steps = np.arange(count, dtype=np.int32)
+    row_count, column_count = scale.stop - scale.start, finer.stop - finer.start
+    steps = np.arange(row_count, dtype=np.int32)
     nonzero = np.flatnonzero(first_row).astype(np.int32)
     row = np.repeat(steps + scale.start, len(nonzero))
-    column = ((nonzero + (size // count) * steps[:, None]) % size + finer.start).ravel()
-    return row, column, np.tile(first_row[nonzero], count)
+    shift = (column_count // row_count) * steps[:, None]
+    column = ((nonzero + shift) % column_count + finer.start).ravel()
+    return row, column, np.tile(first_row[nonzero], row_count)
 
 
 def off_diagonal_share(matrix: csr_array) -> float:

@@ -53,8 +53,9 @@ def find_wavelet(name: str) -> pywt.Wavelet:
 def _cubic_spline_filters() -> Floats:
     """Return the filters (4, 12) of the biorthogonal cubic spline with 4 + 4 vanishing moments.
 
-    Analysis low and high, then synthesis low and high. Low filters are cos⁴(ξ/2) and
-    cos⁴(ξ/2) Σ_k C(3 + k, k) sin^2k(ξ/2), k = 0 … 3 (Cohen, Daubechies and Feauveau 1992).
+    Rows are analysis low and high, synthesis low and high. As functions of the frequency ξ the low
+    filters are cos⁴(ξ/2) Σ_k C(3 + k, k) sin^2k(ξ/2), k = 0 … 3, for analysis and cos⁴(ξ/2) for
+    synthesis, times √2 (Cohen, Daubechies and Feauveau 1992).
     """
     spline = np.array([1, 4, 6, 4, 1]) / 16  # cos⁴(ξ/2)
     sine = np.array([-1, 2, -1]) / 4  # sin²(ξ/2)
@@ -109,7 +110,7 @@ def scale_slices(n: int, levels: int) -> list[slice]:
     The approximation comes first, then the details from coarse to fine.
     """
     coarse = n >> levels
-    return [slice(0, coarse), *(slice(coarse << m, coarse << m + 1) for m in range(levels))]
+    return [slice(0, coarse), *(slice(coarse << m, coarse << (m + 1)) for m in range(levels))]
 
 
 def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
@@ -143,7 +144,7 @@ def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats
 
 
 def close_by_mirroring(points: Floats) -> Floats:
-    """Return closed curves (…, 2n, k): open curves (…, n, k), there and back.
+    """Return closed curves (…, 2n, k) that follow open curves (…, n, k) there and back.
 
     A periodized transform joins the last point to the first: a jump in an open curve, which would
     pull its ends towards each other.
@@ -152,20 +153,19 @@ def close_by_mirroring(points: Floats) -> Floats:
 
 
 def control_points(points: Floats, wavelet: str, level: int) -> Floats:
-    """Return the control points (…, n / 2^level, k) of closed curves (…, n, k), a coarse version.
+    """Return the control points (…, n / 2^level, k) of closed curves (…, n, k): a coarse version.
 
-    They are the approximation coefficients of Eq. 2.11, divided by √2 for each level, the factor by
-    which the filters scale a constant.
+    They are the approximation coefficients of Eq. 2.11, divided by √2 for each level, as the
+    filters multiply a constant by that.
     """
     coarse = points.shape[-2] >> level
     return wavelet_transform(points, wavelet, level)[..., :coarse, :] / 2 ** (level / 2)
 
 
 def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:
-    """Return the smooth closed curves (…, n · 2^level, k) of control points (…, n, k).
+    """Return the smooth closed curves (…, n · 2^level, k) with control points (…, n, k).
 
-    All details are 0; this inverts `control_points` for curves without details, its division by √2
-    for each level included.
+    All their details are 0, so `control_points` returns the same control points.
     """
     coarse = points.shape[-2]
     coefficients = np.zeros((*points.shape[:-2], coarse << level, points.shape[-1]))

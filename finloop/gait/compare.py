@@ -7,7 +7,6 @@ contour and subcycle (isotonic regression), the best possible clock. All are fit
 that are not held out.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -51,10 +50,10 @@ class ClockComparison:
 
 
 def choose_held_out_frames(film: GaitContours) -> list[Mask]:
-    """Return which frames of a film are held out of each fit, as masks (frames,).
+    """Return a mask (frames,) for each fit: which frames of a film are held out of it.
 
-    A film of two gait cycles or more holds out one cycle at a time; an incomplete last cycle has a
-    mask of its own. A shorter film holds out every other frame.
+    In a film of two gait cycles or more that is one cycle for each fit, and an incomplete last one.
+    In a shorter film it is every other frame: the even ones in one fit, the odd ones in another.
     """
     frames = np.arange(len(film.phase))
     # A frame that ends a cycle to rounding belongs to the next one.
@@ -72,39 +71,47 @@ def compare_clocks(
     A clock says how much of the first key frame is left at each moment between two key frames.
     Errors are RMS distances of contours, in body lengths.
 
-    split: phase of key frame 2, in cycles; wavelet, coarse: of the `Descriptor`. Held-out frames
-    are skipped if the other frames cannot be fitted; if all are skipped, the last error is raised.
-    FinloopError, too, if the film shows less than half a cycle or its phase does not rise.
+    split: phase of key frame 2, in cycles; wavelet, coarse: of the `Descriptor`. FinloopError if no
+    fit with frames held out succeeds, the film shows less than half a cycle, or its phase does not
+    rise.
     """
     check_phases(film)
     descriptor = Descriptor(wavelet, coarse)
-    rows: list[dict[str, Any]] = []
-    problem: FinloopError | None = None
-    for mask in choose_held_out_frames(film):
-        try:
-            rows += list(_held_out_errors(film, mask, split, descriptor))
-        except FinloopError as error:
-            problem = error
-    if problem is not None and not rows:
-        raise problem
-    _, subcycles = fit_key_frames(film, split, descriptor)
-    # Squared errors and numbers of frames, summed over the fits; then RMS from them.
-    table = pd.DataFrame(rows).groupby(_KEYS, sort=False).sum().reset_index()
-    contours = table[table["scale"] == _WHOLE].drop(columns="scale").reset_index(drop=True)
+    table = _sum_held_out_errors(film, split, descriptor)
+    is_whole = table["scale"] == _WHOLE
+    contours = table[is_whole].drop(columns="scale").reset_index(drop=True)
     total = contours["frames"].sum()
     rms = {}
     for clock in CLOCKS:
         squares = contours.pop(clock)
         rms[clock] = float(np.sqrt(squares.sum() / total)) / film.body_length
         contours[f"rms_{clock}"] = np.sqrt(squares / contours["frames"]) / film.body_length
-    scales = table[table["scale"] != _WHOLE].reset_index(drop=True)
-    return ClockComparison(rms, contours, _errors_by_scale(film, scales, subcycles))
+    _, subcycles = fit_key_frames(film, split, descriptor)
+    by_scale = _errors_by_scale(film, table[~is_whole].reset_index(drop=True), subcycles)
+    return ClockComparison(rms, contours, by_scale)
+
+
+def _sum_held_out_errors(film: GaitContours, split: float, descriptor: Descriptor) -> pd.DataFrame:
+    """Return the rows of `_held_out_errors`, squared errors and `frames` summed over all fits.
+
+    Fits that fail are skipped; if all fail, the last FinloopError is raised.
+    """
+    rows: list[dict[str, Any]] = []
+    problem: FinloopError | None = None
+    for mask in choose_held_out_frames(film):
+        try:
+            rows += _held_out_errors(film, mask, split, descriptor)
+        except FinloopError as error:
+            problem = error
+    if problem is not None and not rows:
+        raise problem
+    return pd.DataFrame(rows).groupby(_KEYS, sort=False).sum().reset_index()
 
 
 def _held_out_errors(
     film: GaitContours, mask: Mask, split: float, descriptor: Descriptor
-) -> Iterator[dict[str, Any]]:
-    """Yield a table row for each contour, subcycle and scale: the clocks' squared errors.
+) -> list[dict[str, Any]]:
+    """Return a table row for each contour, subcycle and scale: the clocks' squared errors.
 
     mask (frames,): frames held out; the clocks are fitted to all others. split: phase of key frame
     2, in cycles; descriptor: how contours become coefficients. A row has the columns of _KEYS, the
@@ -112,6 +119,7 @@ def _held_out_errors(
     divided by the number of the contour's points, in the contours' unit squared. The scale _WHOLE
     stands for all scales together.
     """
+    rows = []
     least_motion = LEAST_MOTION * film.body_length
     _, subcycles = fit_key_frames(_select_frames(film, ~mask), split, descriptor)
     one_gamma = fit_all_gammas(subcycles, per_scale=False, least_motion=least_motion)
@@ -124,8 +132,7 @@ def _held_out_errors(
             continue
         point_count, letter = len(model.end), "AB"[number]
         gammas = descriptor.spread_gammas(scale_gammas[name][letter], point_count)
-        # A clock of any shape, fitted to the film: no γ can do better.
-        start_share = _fit_free_clock(model, tau)[:, None, None]
+        start_share = _fit_free_clock(model, tau)[:, None, None]  # no γ can do better
         predictions = {
             "linear": model.predict(tau, np.zeros(1)),
             "gamma": model.predict(tau, np.array(one_gamma[name][letter])),
@@ -139,7 +146,8 @@ def _held_out_errors(
                 if scale == _WHOLE:  # distances of the contours' points, not of coefficients
                     error = descriptor.contours(error, point_count)
                 row[clock] = float((error[:, part] ** 2).sum()) / point_count
-            yield row
+            rows.append(row)
+    return rows
 
 
 def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
@@ -149,10 +157,10 @@ def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Return the weights (s,) of the first key frame at tau (s,) that fit a film best.
+    """Return the weights (s,) of the first key frame at tau (s,) that fit `model.samples` best.
 
     tau: shares 0-1 of the subcycle's time. The weight may fall from 1 to 0 in any way (isotonic
-    regression of `model.samples`); it falls evenly in a subcycle without motion or samples.
+    regression); it falls evenly in a subcycle without motion or samples.
     """
     change = (model.start - model.end).ravel()
     squared_change = float(change @ change)
@@ -186,9 +194,8 @@ def _errors_by_scale(
         energy_shares.append(float((change[scale] ** 2).sum() / energy))
         counts.append(scale.stop - scale.start)
     linear, gamma_scale, frames = table["linear"], table["gamma_scale"], table["frames"]
-    # Each scale's error without γ, and the share of its square that γ removes, < 0: it adds.
-    rms_linear = np.sqrt(linear / frames) / film.body_length
-    gain = (linear - gamma_scale) / linear.where(linear > 0)
+    rms_linear = np.sqrt(linear / frames) / film.body_length  # without γ
+    gain = (linear - gamma_scale) / linear.where(linear > 0)  # what γ removes; < 0: it adds
     verdict = np.select(
         [rms_linear < LEAST_ERROR, gain > LEAST_GAIN, gain < -LEAST_GAIN],
         ["not seen", "buys", "costs"],

@@ -43,12 +43,12 @@ def walker_gait_contours(
     split: float = 0.25,
     first: int = 0,
 ) -> tuple[GaitContours, Period, Limbs]:
-    """Return a walker's outlines and phases in frames with a steady gait, its period, its limbs.
+    """Return a walker's contours and phases in frames with a steady gait, its period, its limbs.
 
-    frames: contours by id for each frame, in px; n: points of a contour; split: phase of key frame
-    2, in cycles; first: number of the first frame, for messages. The limbs are the contours in all
-    frames, px from the body, and the body's track. FinloopError if there is no limb, more than half
-    of the frames lack a limb, or no motion repeats.
+    frames: contours by id for each frame, in px, None where missing; n: points of a contour; split:
+    phase of key frame 2, in cycles; first: number of the first frame, for messages. The limbs are
+    the contours in all frames, px from the body, and the body's track. FinloopError if there is no
+    limb, more than half of the frames lack a limb, or no motion repeats.
     """
     # The body's track is smoothed over a cycle, so the period is found twice: at first with a body
     # that moves straight.
@@ -75,8 +75,8 @@ def _find_limb_period(limbs: Limbs, frame_rate_hz: float) -> Period:
 def _key_1_signal(points: dict[str, Floats]) -> Floats:
     """Return a signal (frames,) that is greatest at key frame 1 of a walk.
 
-    There the right fore and left hind limbs are foremost. points: contours (frames, n, 2) by id,
-    x forward. Limbs whose id has no "hind" count as fore limbs.
+    There the right fore and left hind limbs are foremost, the others hindmost. points: contours
+    (frames, n, 2) by id, x forward. Ids without "hind" count as fore, without "right" as left.
     """
     signal = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():
@@ -104,8 +104,9 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
     """Return the phase (frames,), shifted and stretched so that feet turn round at key frames.
 
     phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
-    Least squares over the shift, at most about REACH cycles, and the stretch about the middle.
-    Frames with NaN are not fitted; if fewer than 12 are left, the phase is returned unchanged.
+    The shift, at most about REACH cycles, and the stretch about the middle are those with which
+    parabolas fit the feet best. Frames with NaN are not fitted; if fewer than 12 are left, the
+    phase is returned unchanged.
     """
     complete = np.isfinite(foot_x).all(axis=1)
     if complete.sum() < 12:  # the fit has eight numbers per foot
@@ -113,9 +114,9 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
     fitted_phase, centred_x = phase[complete], foot_x[complete] - foot_x[complete].mean(axis=0)
     middle = float(fitted_phase.mean())
 
-    def squared_error(change: Floats) -> float:
-        """Return the error of the fit after a change of the phase: its shift and its stretch."""
-        shift, stretch = change
+    def squared_error(shift_and_stretch: Floats) -> float:
+        """Return the error of the fit after a shift and a stretch of the phase."""
+        shift, stretch = shift_and_stretch
         changed = fitted_phase - shift + stretch * (fitted_phase - middle)
         return _parabola_fit_error(changed, centred_x, split)
 

@@ -59,10 +59,10 @@ class GaitContours:
         )
 
     def add_hidden_limbs(self) -> "GaitContours":
-        """Return the film with contours of NaN for limbs of which it shows the partner alone.
+        """Return the film with a contour of NaN for each limb that is hidden in all frames.
 
-        Later a hidden limb follows from its partner by symmetry. A film of symmetry "mirror", a
-        fish, is returned unchanged.
+        That is a left limb whose right partner is shown, or the other way round; later it follows
+        from the partner by symmetry. A film of symmetry "mirror", a fish, is returned unchanged.
         """
         if self.symmetry != "swap":
             return self
@@ -109,7 +109,7 @@ def partner_offsets(film: GaitContours) -> dict[str, Points]:
 
     The unit is that of the contours. It is the mean difference between a limb and its partner half
     a cycle later, when both are at the same point of their motion. (0, 0) if the film is shorter
-    than a cycle, or lacks one of the two limbs.
+    than a cycle, or never shows one of the two limbs.
     """
     offsets = {name: np.zeros(2) for name in film.contours}
     if film.cycles < 1 - 1e-6:
@@ -137,38 +137,48 @@ def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
     split: phase of key 2, in cycles. All cycles and both halves count. FinloopError if a contour is
     missing in every frame near a key; the message names all such contours.
     """
-    later = film.contours_half_cycle_later(film.contours)
-    step = float(np.median(np.diff(film.phase)))  # cycles from frame to frame
-    keys: list[dict[str, Points]] = []
-    missing = []
-    for number, key_phase in enumerate((0.0, split), start=1):
-        half_cycles = np.round((film.phase - key_phase) / 0.5)  # from the key to the frame, whole
-        in_first_half = (half_cycles % 2 == 0)[:, None, None]
-        distance = np.abs(film.phase - key_phase - 0.5 * half_cycles)
-        key = dict[str, Points]()
-        for name, points in film.contours.items():
-            poses = np.where(in_first_half, points, later[name])
-            shown = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
-            weight = _weights_near_key(distance, shown, step)
-            if weight.any():
-                key[name] = np.tensordot(weight[shown] / weight.sum(), poses[shown], axes=1)
-            else:
-                missing.append(f"{name!r} near key {number}")
-        keys.append(key)
+    first, second = _interpolate_key(film, 0.0), _interpolate_key(film, split)
+    missing = [
+        f"{name!r} near key {number}"
+        for number, key in enumerate((first, second), start=1)
+        for name in film.contours
+        if name not in key
+    ]
     if missing:
         raise FinloopError(
             f"no frame shows {', '.join(missing)}",
             f"each contour in a frame within {WIDEST:g} of a cycle of both keys",
             "use more cycles, or omit the contours that the film does not show",
         )
-    return KeyFrames(keys[0], keys[1], film.contours_half_cycle_later(keys[0]))
+    return KeyFrames(first, second, film.contours_half_cycle_later(first))
+
+
+def _interpolate_key(film: GaitContours, key_phase: float) -> dict[str, Points]:
+    """Return the contours (n, 2), by id, at a key's phase, from the frames nearest in phase.
+
+    Frames half a cycle from the key count with the symmetric pose. Contours that no frame near the
+    key shows are left out.
+    """
+    later = film.contours_half_cycle_later(film.contours)
+    step = float(np.median(np.diff(film.phase)))  # cycles from frame to frame
+    half_cycles = np.round((film.phase - key_phase) / 0.5)  # from the key to the frame, whole
+    shows_key = (half_cycles % 2 == 0)[:, None, None]  # else the symmetric pose does
+    distance = np.abs(film.phase - key_phase - 0.5 * half_cycles)
+    key = dict[str, Points]()
+    for name, points in film.contours.items():
+        poses = np.where(shows_key, points, later[name])
+        shown = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+        weight = _weights_near_key(distance, shown, step)
+        if weight.any():
+            key[name] = np.tensordot(weight[shown] / weight.sum(), poses[shown], axes=1)
+    return key
 
 
 def _weights_near_key(distance: Points, shown: Mask, width: float) -> Points:
     """Return the weights (frames,) of frames in a key: 1 at the key, linearly to 0 at `width`.
 
-    distance (frames,): from the key, in cycles, as `width` is; shown: which frames count. Where all
-    weights are 0 the width doubles, up to WIDEST.
+    distance (frames,): from the key, in cycles, as `width` is; shown: which frames count. While all
+    weights are 0 the width doubles, up to WIDEST; with that, too, they may all be 0.
     """
     weight = np.clip(1 - distance / width, 0, None) * shown
     if weight.any() or width >= WIDEST:
@@ -192,11 +202,11 @@ class SubcycleFrames:
 def sort_into_subcycles(
     film: GaitContours, split: float, descriptor: Descriptor
 ) -> dict[str, list[SubcycleFrames]]:
-    """Return a film's frames by contour id: [those in subcycle A, those in B].
+    """Return a film's frames by contour id: a list of those in subcycle A and those in B.
 
-    A lies between keys 1 and 2, B between 2 and 1'. Frames of the second half of the cycle, in C
-    and D, count as frames of A and B of the symmetric pose. split: phase of key 2, in cycles;
-    descriptor: how contours become coefficients.
+    A lies between keys 1 and 2, B between 2 and 1'. Frames in C and D, the second half of the
+    cycle, count in A and B with the symmetric pose. split: phase of key 2, in cycles; descriptor:
+    how contours become coefficients.
     """
     later = film.contours_half_cycle_later(film.contours)
     in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
@@ -224,10 +234,9 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return numerator and denominator of the gait parameter γ that fits some coefficients.
+        """Return numerator and denominator of the gait parameter γ that fits the frames best.
 
-        scale: which coefficients. Numerators and denominators of several sets can be summed, see
-        `gamma_from_fractions`.
+        scale: which coefficients count, by default all.
         """
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_fraction(
@@ -237,7 +246,8 @@ class Subcycle:
     def fit_gammas(self, per_scale: bool, least_motion: float) -> tuple[float, ...]:
         """Return the fitted gait parameters γ: one per scale, coarse to fine, or one for all.
 
-        least_motion: γ is 0 where points move less than this (RMS), in the unit of the contours.
+        least_motion: γ is 0 where points move no more than this (RMS) from key to key, in the unit
+        of the contours.
         """
         gammas = []
         for scale in self.scales if per_scale else [slice(None)]:
@@ -254,14 +264,32 @@ class Subcycle:
         """
         return self.end + start_share(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
+    def smooth(self, tau: Points) -> Points:
+        """Return the wavelet coefficients (s, n, 2) at tau (s,) of cubics that fit the frames best.
+
+        The cubics go through both key frames. tau: shares 0-1 of the subcycle's time.
+        """
+        linear = np.zeros(1)  # γ: evenly from key to key; the cubics add a part that is 0 at both
+        curved = self.samples.coefficients - self.predict(self.samples.tau, linear)
+        factors = np.linalg.lstsq(
+            _evaluate_two_cubics(self.samples.tau), curved.reshape(len(curved), -1), rcond=None
+        )[0]
+        curved = (_evaluate_two_cubics(tau) @ factors).reshape(-1, *self.end.shape)
+        return self.predict(tau, linear) + curved
+
+
+def _evaluate_two_cubics(tau: Points) -> Points:
+    """Return the values (s, 2), at tau (s,), of two cubics that are 0 at τ = 0 and 1."""
+    bow = tau * (1 - tau)
+    return np.column_stack([bow, bow * (1 - 2 * tau)])
+
 
 def build_subcycles(
     keys: KeyFrames, samples: Mapping[str, list[SubcycleFrames]], descriptor: Descriptor
 ) -> dict[tuple[str, int], Subcycle]:
     """Return the subcycles A and B of each contour, by contour id and number (0 for A, 1 for B).
 
-    samples: by contour id, the film's frames in A and those in B; descriptor: how contours become
-    coefficients.
+    samples: from `sort_into_subcycles`; descriptor: how contours become coefficients.
     """
     subcycles = {}
     for name, (frames_a, frames_b) in samples.items():
@@ -280,7 +308,8 @@ def fit_all_gammas(
 ) -> Gammas:
     """Return the fitted gait parameters γ by id, then by "A" and "B": one per scale or one for all.
 
-    least_motion: γ is 0 where points move less than this (RMS), in the unit of the contours.
+    least_motion: γ is 0 where points move no more than this (RMS) from key to key, in the unit of
+    the contours.
     """
     gammas: Gammas = {}
     for (name, number), subcycle in subcycles.items():
@@ -298,8 +327,7 @@ def fit_key_frames(
     how much. This error is subtracted, in ROUNDS rounds. A frame exactly at a key's phase stays
     that key.
     split: phase of key 2, in cycles; descriptor: how contours become coefficients. FinloopError if
-    no frame near a key shows a contour, or fewer than LEAST frames between the keys of a subcycle
-    do.
+    no frame near a key, or fewer than LEAST frames in a subcycle, show a contour.
     """
     samples = sort_into_subcycles(film, split, descriptor)
     _refuse_few_frames(samples)
@@ -347,20 +375,14 @@ def _fit_smooth_contours(
     The cubics go through the key frames. NaN stays NaN. subcycles: by contour id, and 0 for A, 1
     for B; split: phase of key 2, in cycles; descriptor: how contours become coefficients.
     """
-    linear = np.zeros(1)  # γ: evenly from key to key
+    # First the pose of every frame half a cycle earlier, if need be: in A or B.
     subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
     first_half = dict[str, Points]()
     for name, points in film.contours.items():
         first_half[name] = np.empty_like(points)
         for number in range(2):
-            frames, model = subcycle == number, subcycles[name, number]
-            samples = model.samples
-            # The cubic is the straight motion between the keys plus a part that is 0 at both.
-            deviation = samples.coefficients - model.predict(samples.tau, linear)
-            flat = deviation.reshape(len(deviation), -1)
-            factors = np.linalg.lstsq(_evaluate_two_cubics(samples.tau), flat, rcond=None)[0]
-            curved = (_evaluate_two_cubics(tau[frames]) @ factors).reshape(-1, *model.end.shape)
-            coefficients = model.predict(tau[frames], linear) + curved
+            frames = subcycle == number
+            coefficients = subcycles[name, number].smooth(tau[frames])
             first_half[name][frames] = descriptor.contours(coefficients, points.shape[1])
     later = film.contours_half_cycle_later(first_half)
     in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
@@ -369,12 +391,6 @@ def _fit_smooth_contours(
         poses = np.where(in_second_half, later[name], first_half[name])
         smooth[name] = np.where(np.isfinite(points), poses, np.nan)
     return smooth
-
-
-def _evaluate_two_cubics(tau: Points) -> Points:
-    """Return the values (s, 2), at tau (s,), of two cubics that are 0 at τ = 0 and 1."""
-    bow = tau * (1 - tau)
-    return np.column_stack([bow, bow * (1 - 2 * tau)])
 
 
 def fit_gait(
@@ -390,10 +406,10 @@ def fit_gait(
     """Return the gait that fits the contours of a film, and its key frames.
 
     name: of the gait; split: phase of key 2, in cycles; wavelet, coarse: of the `Descriptor`;
-    per_scale: fit one γ for each scale instead of one for all.
-    The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
-    to all contours together. FinloopError if the film shows less than half a cycle, its phase does
-    not rise, or it shows a contour in too few frames.
+    per_scale: fit one γ for each scale instead of one for all. The γ of POOLED belongs to all
+    contours together. `source`, `confidence` and `residuals` are not filled in. FinloopError if the
+    film shows less than half a cycle, its phase does not rise, or it shows a contour in too few
+    frames.
     """
     check_phases(film)
     keys, subcycles = fit_key_frames(film, split, Descriptor(wavelet, coarse))
@@ -423,8 +439,8 @@ def _ground_contact_phases(
 ) -> dict[str, tuple[tuple[float, float], ...]]:
     """Return when each foot is on the ground: by id, one span (from, to) of phase, in cycles.
 
-    A foot is down from its foremost to its hindmost place; the animal heads for screen right. A
-    foot is the lowest point of a contour that has "left" or "right" in its id.
+    A foot is down from its foremost to its hindmost place; the animal heads for screen right. Only
+    contours with "left" or "right" in their id have a foot: the point that is lowest on average.
     """
     frames = 240  # of a cycle: phases are exact to 0.004
     spans = dict[str, tuple[tuple[float, float], ...]]()

@@ -53,10 +53,10 @@ class Ground(NamedTuple):
 
 
 def support_frames(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
-    """Return the numbers of the frames in which a foot is on the ground, for each span of phase.
+    """Return the numbers of the frames in which a foot is on the ground: an array for each span.
 
-    spans: (from, to) in cycles, both ends included; frames: number of frames of a cycle. Numbers
-    from `frames` on belong to the next cycle. A span in which no frame lies gives no entry.
+    spans: of phase, (from, to) in cycles, both ends included; frames: how many a cycle has. Numbers
+    from `frames` on belong to the next cycle. A span in which no frame lies gives no array.
     """
     rounding = 1e-9  # cycles: a span that ends at a frame includes it
     runs = []
@@ -77,7 +77,7 @@ def measure_ground(limbs: Mapping[str, Points], support: Support) -> Ground:
 
 
 def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
-    """Return limbs, sheared so that feet on the ground do not slide on it, and none is below it.
+    """Return limbs, sheared so that no foot slides on the ground or is below it.
 
     limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
     While a foot is lifted, the correction changes smoothly from one span to the next. Ids outside
@@ -106,23 +106,24 @@ def _foot_shift(contour: Points, next_contour: Points) -> float:
     middle = (contour + next_contour) / 2
     along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
     # The normal at each point. Its length, that of the point's piece of contour, weights the point.
-    across = along[:, ::-1] * [1, -1]
+    normal = along[:, ::-1] * [1, -1]
     y = middle[:, 1]
-    foot = y >= y.max() - PAW * np.ptp(y)
+    is_foot = y >= y.max() - PAW * np.ptp(y)
     contact = middle[y >= y.max() - SOLE * np.ptp(y)].mean(axis=0)
     arm = middle - contact
-    turn = arm[:, 0] * across[:, 1] - arm[:, 1] * across[:, 0]  # motion across per radian
-    motion = np.column_stack([across, turn])[foot]
-    displacement = ((next_contour - contour) * across).sum(axis=1)[foot]
-    x_y_and_turn = np.linalg.lstsq(motion, displacement, rcond=None)[0]
-    return float(x_y_and_turn[0])
+    motion_per_radian = arm[:, 0] * normal[:, 1] - arm[:, 1] * normal[:, 0]
+    # Motion across the contour: by 1 in x, by 1 in y and by a turn of 1 rad; then the true one.
+    unit_motions = np.column_stack([normal, motion_per_radian])[is_foot]
+    motion = ((next_contour - contour) * normal).sum(axis=1)[is_foot]
+    x, _y, _turn = np.linalg.lstsq(unit_motions, motion, rcond=None)[0]
+    return float(x)
 
 
 def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
-    """Return each foot's paths: for each time on the ground its frames and its displacement in x.
+    """Return, by id of the limb, a foot's path in each of its times on the ground.
 
-    The result is by id of the limb, without limbs that are never on the ground. limbs: contours
-    (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
+    Limbs that are never on the ground are left out. limbs: contours (frames, n, 2) of one cycle by
+    id; support: spans of phase on the ground by id.
     """
     paths: Paths = {}
     for name, stack in limbs.items():
@@ -167,8 +168,8 @@ def _shear_limb(name: str, contours: Points, foot_paths: list[FootPath], speed: 
         )
     standing = np.concatenate([path.frames for path in foot_paths]) % frames
     ground_y = float(np.median(low[standing]))
-    # How far the foot is to be moved, right and down; first only where it is on the ground. It
-    # slides by what it moves more than the ground, and is moved back to its mean place on it.
+    # How far to move the foot right and down, at first only where it is on the ground: back by what
+    # it moves more than the ground does, but for the mean of that, and onto the ground.
     foot_shift = np.full((frames, 2), np.nan)
     for path in foot_paths:
         frame, slide = path.frames % frames, path.displacement - speed * path.frames
@@ -184,8 +185,8 @@ def _fill_shifts(shift: Points) -> Points:
     """Return the shifts (frames, 2) of a repeating cycle, with smooth ones in place of NaN."""
     frames, known = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     filled = shift.copy()
-    following = np.append(known[1:], known[0] + frames)  # the first one again, a cycle later
-    for start, end in zip(known, following, strict=True):
+    # After the last known frame comes the first again, a cycle later.
+    for start, end in pairwise([*known, known[0] + frames]):
         between = np.arange(start + 1, end)
         time = (between - start) / (end - start)
         share = (time * time * (3 - 2 * time))[:, None]  # from 0 to 1, level at both

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import skimage
 
-from finloop.base.arrays import Floats, Mask
+from finloop.base.arrays import Complex, Floats, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import (
     Curve,
@@ -107,7 +107,8 @@ def limb_contours(
             "trace each limb under its own id",
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
-    notes = _check_regions(regions, first)
+    _refuse_rare_regions(regions, first)
+    notes = _describe_doubtful_regions(regions, first)
     place_names = [BODY] if BODY in regions else names  # their mean is the place of the body
     track = _mean_centres([regions[name] for name in place_names])
     course = smooth_track(track, smooth_frames)  # of the body in the picture
@@ -116,7 +117,7 @@ def limb_contours(
         if name not in points:
             # A limb and its partner together: their points correspond too.
             pair = list(dict.fromkeys((name, opposite_limb(name, names))))
-            contours = match_contours([r for limb in pair for r in regions[limb]], n)
+            contours = match_contours([region for limb in pair for region in regions[limb]], n)
             for limb, limb_points in zip(pair, np.split(contours, len(pair)), strict=True):
                 points[limb] = limb_points - course[:, None]
     points = {name: points[name] for name in limb_names}  # in the order of the film
@@ -143,18 +144,30 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
     """Return a limb's contours (frames, n, 2), px; point i is the same place of the limb in each.
 
     regions: one for each frame; NaN where a frame has no contour. Points lie at equal distances
-    along a contour. Each contour starts where, turned and moved, it fits the mean shape best: the
-    greatest |Σ a̅ b| of centred contours a, b as complex numbers x + iy, by FFT. The start may lie
-    between two points. Point 0 is the uppermost of the mean shape: the hip or the shoulder.
+    along a contour. Point 0 is the hip or the shoulder: the top of the limb's mean shape, turned
+    and moved onto each contour.
     """
-    # The contours with FINE points for each of the n.
-    shown, fine_contours = [], []
+    shown, fine_contours = list[int](), list[Complex]()
     for frame, region in enumerate(regions):
         if isinstance(region, Curve):
             shown.append(frame)
+            # FINE points for each of the n, as the hip may lie between two of these.
             fine = resample_curve(orient_clockwise(region), n * FINE)
-            fine_contours.append(fine.points @ [1, 1j])
+            fine_contours.append(fine.points @ np.array([1, 1j]))
     contours = np.stack(fine_contours)
+    numbered = np.full((len(regions), n, 2), np.nan)
+    for frame, contour, hip in zip(shown, contours, _find_hips(contours), strict=True):
+        ring = np.roll(contour, -hip)[::FINE]
+        numbered[frame] = np.column_stack([ring.real, ring.imag])
+    return numbered
+
+
+def _find_hips(contours: Complex) -> Ints:
+    """Return the number (frames,) of the point in each contour that is the top of the mean shape.
+
+    contours (frames, m): points x + iy, y down, clockwise. A contour starts where, turned and
+    moved, it fits the mean shape best: the greatest |Σ a̅ b| of centred contours a, b, by FFT.
+    """
     centred = contours - contours.mean(axis=1, keepdims=True)
     spectra = np.fft.fft(centred, axis=1)
     # The mean shape and the starts depend on each other: in turn, from the first contour on.
@@ -167,19 +180,14 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
             for contour, start, fit in zip(centred, starts, fits, strict=True)
         ]
         mean_shape = np.stack(aligned).mean(axis=0)
-    top = int(mean_shape.imag.argmin())
-    numbered = np.full((len(regions), n, 2), np.nan)
-    for frame, contour, start in zip(shown, contours, starts, strict=True):
-        ring = np.roll(contour, -start - top)[::FINE]  # n points from the top on
-        numbered[frame] = np.column_stack([ring.real, ring.imag])
-    return numbered
+    return starts + int(mean_shape.imag.argmin())
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:
-    """Return a track (frames, k), smoothed by the mean over `window` frames; None = a line.
+    """Return a track (frames, k), smoothed by the mean over `window` frames.
 
-    Within half a window of the ends, the means continue in a straight line. A track shorter than
-    two windows becomes one straight line.
+    Within half a window of the ends, the means continue in a straight line. The whole track becomes
+    one straight line if `window` is None, or if the track is shorter than two windows.
     """
     time = np.arange(len(track), dtype=float)
     if window is None or len(track) < 2 * window:
@@ -190,21 +198,24 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
     means = np.column_stack(
         [np.convolve(values, weight / weight.sum(), "valid") for values in track.T]
     )
-    inner, count = time[half : len(track) - half], round(window)
+    inner, count = time[half : len(track) - half], round(window)  # the times of the means
     before = _evaluate_fitted_line(inner[:count], means[:count], time[:half])
     after = _evaluate_fitted_line(inner[-count:], means[-count:], time[len(track) - half :])
     return np.concatenate([before, means, after])
 
 
 def _evaluate_fitted_line(time: Floats, values: Floats, wanted_time: Floats) -> Floats:
-    """Return, at `wanted_time`, the straight line that fits values (m, k) at `time` (m,)."""
+    """Return values (w, k) at `wanted_time` (w,) on the line that fits values (m, k) at `time`."""
     basis, wanted = (np.column_stack([np.ones(len(x)), x]) for x in (time, wanted_time))
     return np.asarray(wanted @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
 def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
-    """Return the median width [px] of all limbs together, in the frames that show most limbs."""
-    widths_by_count = dict[int, list[float]]()  # by the number of limbs that a frame shows
+    """Return the median width [px] that all regions together have in a frame.
+
+    regions: for each id, one for each frame. Only the frames with the most contours count.
+    """
+    widths_by_count = dict[int, list[float]]()  # by the number of contours in a frame
     for regions_of_frame in zip(*regions, strict=True):
         x = [region.points[:, 0] for region in regions_of_frame if isinstance(region, Curve)]
         if x:
@@ -212,13 +223,14 @@ def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
     return float(np.median(widths_by_count[max(widths_by_count)]))
 
 
-def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
+def _describe_doubtful_regions(
+    regions: Mapping[str, Sequence[Region]], first: int
+) -> tuple[str, ...]:
     """Return notes for the user on limbs without a side, and on missing or small regions.
 
     regions: by id, one for each frame, no `Curve` where the frame lacks it; first: number of the
-    first frame. FinloopError if most frames lack one.
+    first frame.
     """
-    _refuse_rare_regions(regions, first)
     notes = []
     for name, frames in regions.items():
         gaps = _describe_gaps(frames, first)
@@ -232,10 +244,10 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
         area = np.abs(
             [signed_area(region) if isinstance(region, Curve) else np.nan for region in frames]
         )
-        if small := np.flatnonzero(area < HIDDEN * np.nanmedian(area)).tolist():
-            numbers = [first + frame for frame in small]
+        small = first + np.flatnonzero(area < HIDDEN * np.nanmedian(area))
+        if small.size:
             notes.append(
-                f"{name} is smaller than usual in frames {_format_frame_numbers(numbers)}:"
+                f"{name} is smaller than usual in frames {_format_frame_numbers(small.tolist())}:"
                 " if something hides a part of it there, trace it whole or omit it"
             )
     return tuple(notes)
@@ -268,24 +280,19 @@ def _refuse_rare_regions(regions: Mapping[str, Sequence[Region]], first: int) ->
 
 
 def _describe_gaps(regions: Sequence[Region], first: int) -> str:
-    """Return which frames have no contour, and why: "3-7: empty; 9: not there".
+    """Return which frames have no contour, and why: "3-7: empty; 9: not there"; "" if all have one.
 
     regions: of one limb, one for each frame; first: number of the first frame.
     """
     gaps = []
     for why in (MISSING, EMPTY, BORDER):
-        numbers = [
-            number
-            for number, region in enumerate(regions, first)
-            if isinstance(region, str) and region == why
-        ]
-        if numbers:
+        if numbers := [number for number, region in enumerate(regions, first) if region == why]:
             gaps.append(f"{_format_frame_numbers(numbers)}: {why}")
     return "; ".join(gaps)
 
 
 def _format_frame_numbers(numbers: Sequence[int]) -> str:
-    """Return ascending frame numbers as text, with a run of them as "3-7"; at most 8 runs."""
+    """Return ascending frame numbers as text, successive ones as "3-7"; at most 8 such runs."""
     starts = [i for i in range(1, len(numbers)) if numbers[i] != numbers[i - 1] + 1]
     runs = [(numbers[a], numbers[b - 1]) for a, b in pairwise([0, *starts, len(numbers)])]
     words = [f"{first}-{last}" if last > first else f"{first}" for first, last in runs[:8]]

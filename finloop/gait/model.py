@@ -192,23 +192,26 @@ class Descriptor(NamedTuple):
     coarse: int = 4
 
     def count_levels(self, n: int, closed: bool = True) -> int:
-        """Return how many halvings reduce n points to the coarsest scale; 0 if there are fewer."""
+        """Return how many halvings reduce n points to the coarsest scale; 0 if n is not larger."""
         levels = count_halvings(n) - (self.coarse.bit_length() - 1)  # log₂ n − log₂ coarse
-        return max(0, levels if closed else levels - 1)
+        return max(0, levels if closed else levels - 1)  # open: 2 `coarse` in the coarsest scale
 
     def coefficients(self, points: Points, closed: bool = True) -> Points:
-        """Return the wavelet coefficients of contours (…, n, 2): closed (…, n, 2), open twice n."""
+        """Return the wavelet coefficients of contours (…, n, 2): (…, n, 2), if open (…, 2n, 2)."""
         points = points if closed else close_by_mirroring(points)
         levels = self.count_levels(points.shape[-2], closed)
         return wavelet_transform(points, self.wavelet, levels)
 
     def contours(self, coefficients: Points, n: int, closed: bool = True) -> Points:
-        """Return the contours of n points (…, n, 2) that have given coefficients."""
+        """Return the contours (…, n, 2) with given coefficients; open ones lose their mirror image.
+
+        This undoes `coefficients`.
+        """
         levels = self.count_levels(coefficients.shape[-2], closed)
         return inverse_transform(coefficients, self.wavelet, levels)[..., :n, :]
 
     def scales(self, n: int, closed: bool = True) -> list[slice]:
-        """Return which of n coefficients belong to each scale, from coarse to fine."""
+        """Return a slice of n coefficients for each scale, from coarse to fine."""
         return scale_slices(n, self.count_levels(n, closed))
 
     def spread_gammas(self, gammas: tuple[float, ...], n: int, closed: bool = True) -> Points:
@@ -278,15 +281,15 @@ def opposite_limb(name: str, names: Mapping[str, object] | set[str] | list[str])
 
 
 def reversed_order(n: int, start: int = 0) -> Ints:
-    """Return the indices (n,) that reverse a closed contour and make `start` its first point."""
+    """Return the indices (n,) that reverse a closed contour and make point `start` its first."""
     return (start - np.arange(n)) % n
 
 
 def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
-    """Return contours (…, n, 2) reflected in the line y = middle; they keep their direction.
+    """Return contours (…, n, 2) reflected in the line y = middle, with their points renumbered.
 
-    order (n,): indices that renumber the points, by default `reversed_order(n)`, for an outline
-    from the snout on. Reflecting twice is the identity if `order` is its own inverse.
+    order (n,): the points' old numbers in their new order, by default `reversed_order(n)`: an
+    outline then still runs clockwise from the snout.
     """
     order = reversed_order(points.shape[-2]) if order is None else order
     return points[..., order, :] * [1, -1] + [0, 2 * middle]
@@ -304,7 +307,10 @@ class HalfCycleLayout:
     offsets: Mapping[str, Points] | None = None
 
     def order(self, name: str, count: int) -> Ints:
-        """Return the order (count,) in which a contour takes its twin's points when mirrored."""
+        """Return in which order (count,) a mirrored contour takes its twin's points.
+
+        By default the order is reversed.
+        """
         return (self.orders or {}).get(name, reversed_order(count))
 
     def offset(self, name: str) -> Points:
@@ -320,10 +326,10 @@ def four_key_frames(
 ) -> tuple[dict[str, Points], dict[str, Points], dict[str, Points], dict[str, Points]]:
     """Return key frames 1, 2, 1', 2' (Fig. 9) from 1 and 2: contours (n, 2) by id.
 
-    Point i of an id corresponds to point i in the other key, and, if the symmetry is "swap", to
-    point i of its left-right partner. symmetry: "swap" (limbs from the side) or "mirror" (a fish
-    from above); layout: where the second half of the cycle is placed. FinloopError, with up to six
-    problems, if ids or numbers of points differ between the keys or between partners.
+    Equal point numbers mean the same place of the body in both keys and, if the symmetry is "swap",
+    in left-right partners. symmetry: "swap" (limbs from the side) or "mirror" (a fish from above);
+    layout: where the second half of the cycle is placed. FinloopError, with up to six problems, if
+    ids or numbers of points differ between the keys or between partners.
     """
     problems = [f"{name!r} only in key 1" for name in key1 if name not in key2]
     problems += [f"{name!r} only in key 2" for name in key2 if name not in key1]
@@ -350,10 +356,11 @@ def contours_half_cycle_later(
 ) -> dict[str, Points]:
     """Return the contours (…, n, 2), by id, that an animal has half a cycle later, by symmetry.
 
-    A left limb gets the contour of its right twin, and the other way round. symmetry, layout:
-    "swap" moves the twin's contour by the limb's offset; "mirror" reflects it in the line y =
-    middle, and takes its points in the limb's order. Two calls give the first contours again:
-    FinloopError if the layout prevents that, or the symmetry is none of SYMMETRIES.
+    A left limb gets the contour of its right twin, and the other way round; an id without a partner
+    is its own twin. symmetry, layout: "swap" moves the twin's contour by the limb's offset;
+    "mirror" reflects it in the line y = middle, and takes its points in the limb's order. Two calls
+    give the first contours again: FinloopError if the layout prevents that, or the symmetry is none
+    of SYMMETRIES.
     """
     if symmetry not in SYMMETRIES:
         raise FinloopError(
@@ -381,10 +388,10 @@ def contours_half_cycle_later(
 
 
 def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
-    """Return in which subcycle (0…3 for A…D) each phase lies, and at which share of it, 0-1.
+    """Return in which subcycle (0…3 for A…D) each phase lies, and which share of it (0-1) is over.
 
     phase: in cycles, an array of any shape, which both results have too; split: phase of key 2,
-    where A ends. FinloopError unless it is between 0 and 0.5.
+    where A ends. FinloopError unless the split is between 0 and 0.5.
     """
     if not 0 < split < 0.5:
         raise FinloopError(
@@ -442,7 +449,7 @@ def contours_at_phases(
     """
     keys = four_key_frames(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
-    # Every phase in the first half, so in subcycle 0 (A) or 1 (B).
+    # First the pose of every phase half a cycle earlier, if need be: in subcycle 0 (A) or 1 (B).
     subcycle, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
     first_half = dict[str, Points]()
     for name in key1:

@@ -62,46 +62,51 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
 def swim_contours(
     outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS
 ) -> TrackContours:
-    """Return a fish's contours relative to the body and its tail beat, from consecutive frames.
+    """Return a fish's tail beat, and its contours relative to the body, in body lengths.
 
-    outline_px (frames, m, 2) in either direction; backbone_px (frames, k, 2) head first; n: points
-    of a contour, even. If the fish does not swim straight with a steady beat, `period.why` says so,
-    and every contour is aligned by the pose of its own frame.
+    outline_px (frames, m, 2) of consecutive frames, in either direction; backbone_px (frames, k,
+    2) head first; n: points of a contour, even. Contours are placed by the fish's place and
+    direction without the beat. If it does not swim straight with a steady beat, `period.why` says
+    why, and each contour is placed by the pose in its own frame.
     """
     points = contours_from_snout(outline_px, backbone_px[:, 0], n)
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
     centre, angle = body_centres_and_directions(points, backbone_px)
     by_pose = move_to_body_frame(points, centre, angle) / length
-    # The midline's place, the mean of the two points equally far from the snout: a tail beat moves
-    # it; fins that spread on both sides do not.
-    y = by_pose[..., 1]
-    sideways = (y + y[:, -np.arange(n)])[:, : n // 2 + 1] / 2  # (frames, n / 2 + 1), + = right
-    # Phase 0 is where the tail is farthest to the left.
-    beat = find_period(sideways, frame_rate_hz, -tail_sideways_positions(by_pose))
+    beat = _find_tail_beat(by_pose, frame_rate_hz)
     if not beat.cycles:
         return TrackContours(by_pose, beat, length)
-    # The body frame follows place and direction without the beat. Only frames in which the fish,
-    # seen in it and without the beat, is straight can be steady.
     smooth_body = remove_beat(np.column_stack([centre, angle]), beat.phase)
-    straightened = move_to_body_frame(points, smooth_body[:, :2], smooth_body[:, 2]) / length
-    coordinates = straightened.reshape(len(straightened), -1)
-    without_beat = remove_beat(coordinates, beat.phase).reshape(straightened.shape)
+    contours = move_to_body_frame(points, smooth_body[:, :2], smooth_body[:, 2]) / length
+    # A frame can be steady only if the body is straight there once the beat is removed.
+    coordinates = contours.reshape(len(contours), -1)
+    without_beat = remove_beat(coordinates, beat.phase).reshape(contours.shape)
     straight = contour_asymmetry(without_beat) <= STRAIGHT
     steady = period_from_phase(coordinates, beat.phase, beat.steady & straight, frame_rate_hz)
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
         return TrackContours(by_pose, replace(steady, why=why), length)
-    return TrackContours(
-        straightened, set_phase_zero(steady, -tail_sideways_positions(straightened)), length
-    )
+    phased = set_phase_zero(steady, -tail_sideways_positions(contours))
+    return TrackContours(contours, phased, length)
+
+
+def _find_tail_beat(contours: Floats, frame_rate_hz: float) -> Period:
+    """Return the tail beat in contours (frames, n, 2); phase 0 has the tail farthest to the left.
+
+    Contours are relative to the body, x ahead, y to the right, and begin at the snout.
+    """
+    # The mean of two points equally far from the snout lies on the midline: a tail beat moves it;
+    # fins that spread on both sides do not.
+    n, y = contours.shape[1], contours[..., 1]
+    midline_y = (y + y[:, -np.arange(n)])[:, : n // 2 + 1] / 2  # (frames, n / 2 + 1)
+    return find_period(midline_y, frame_rate_hz, -tail_sideways_positions(contours))
 
 
 def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
-    """Return the frames with a steady tail beat of all tracks: contours (f, n, 2), phases (f,).
+    """Return all tracks' frames with a steady tail beat, joined: contours (f, n, 2), phases (f,).
 
-    Phases are in cycles, ascending. Each run of steady frames begins a new cycle, so the phase
-    counts the cycles of the result. FinloopError if no track is periodic; the message counts the
-    reasons.
+    Phases are in cycles and ascend through all runs of steady frames: each run begins a new whole
+    cycle. FinloopError if no track is periodic; the message counts the reasons.
     """
     points, phase = list[Floats](), list[Floats]()
     next_cycle = 0.0
@@ -134,25 +139,24 @@ def contours_from_snout(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
     distances along the outline.
     """
     contours = np.empty((len(outline_px), n, 2))
-    for outline, snout, row in zip(outline_px, snout_px, contours, strict=True):
+    for outline, snout, contour in zip(outline_px, snout_px, contours, strict=True):
         corners = orient_clockwise(Curve(outline, closed=True)).points
-        edge = np.roll(corners, -1, axis=0) - corners
-        square = np.maximum((edge**2).sum(axis=1), 1e-12)  # never divide by 0
-        share = np.clip(((snout - corners) * edge).sum(axis=1) / square, 0, 1)
-        nearest_of_edge = corners + share[:, None] * edge
-        start = int(((nearest_of_edge - snout) ** 2).sum(axis=1).argmin())
-        from_snout = np.roll(corners, -start - 1, axis=0)
-        ring = Curve(np.concatenate([nearest_of_edge[[start]], from_snout]), closed=True)
-        row[:] = resample_curve(ring, n).points
+        edges = np.roll(corners, -1, axis=0) - corners  # each from its corner to the next
+        square = np.maximum((edges**2).sum(axis=1), 1e-12)  # never divide by 0
+        share = np.clip(((snout - corners) * edges).sum(axis=1) / square, 0, 1)
+        nearest_on_edge = corners + share[:, None] * edges  # each edge's point nearest to the snout
+        edge = int(((nearest_on_edge - snout) ** 2).sum(axis=1).argmin())
+        next_corners = np.roll(corners, -edge - 1, axis=0)
+        ring = Curve(np.concatenate([nearest_on_edge[[edge]], next_corners]), closed=True)
+        contour[:] = resample_curve(ring, n).points
     return contours
 
 
 def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
-    """Return the centres (frames, 2) of contours and the directions (frames,) of backbones.
+    """Return the mass centres (frames, 2) of contours, and the directions (frames,) of backbones.
 
-    points (frames, n, 2); backbone (frames, k, 2), head first, in the same unit. The direction is
-    that of the line nearest to the backbone, towards the head: radians from x towards y, not
-    wrapped.
+    points (frames, n, 2): contours; backbone (frames, k, 2), head first. A direction is that of the
+    straight line nearest to the backbone, towards the head: radians from x towards y, unwrapped.
     """
     centred = backbone - backbone.mean(axis=1, keepdims=True)
     xx, yy = (centred**2).sum(axis=1).T
@@ -174,10 +178,10 @@ def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
 
 
 def contour_asymmetry(points: Floats) -> Floats:
-    """Return how far contours (frames, n, 2) relative to the body differ from their mirror images.
+    """Return how far contours (frames, n, 2) differ from their mirror images in the axis y = 0.
 
-    The result (frames,) is half the RMS distance between the points of a contour, the first at the
-    snout, and of its image in the axis y = 0, in their unit.
+    The result (frames,) is half the RMS distance between points and their images, in their unit.
+    Contours are relative to the body and begin at the snout.
     """
     image = points[:, -np.arange(points.shape[1])] * [1, -1]
     return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
@@ -187,7 +191,7 @@ def tail_sideways_positions(points: Floats) -> Floats:
     """Return how far to the right the tail end is, (frames,), from outlines (frames, n, 2).
 
     Outlines are relative to the body, x ahead, y to the right, and begin at the snout; the unit is
-    theirs. It is a mean over the tail end and TAIL of the points on either side of it.
+    theirs. Averaged are the tail end and, on either side of it, a share TAIL of the points.
     """
     n = points.shape[1]
     reach = max(1, round(TAIL * n))

@@ -67,26 +67,18 @@ def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = N
     modes = _principal_modes(fill_gaps(np.where(complete_rows[:, None], signal, np.nan)))
     if not modes.size:
         return _no_period(frames, "nothing moves")
-    # The frequency of every frame, from a grid with steps of a constant ratio, and its phase.
-    slowest_hz, fastest_hz = frame_rate_hz / frames, _FASTEST * frame_rate_hz
-    count = max(3, int(np.ceil(np.log(fastest_hz / slowest_hz) / np.log(_STEP))))
-    grid = np.geomspace(slowest_hz, fastest_hz, count) / frame_rate_hz  # cycles a frame
-    shares = np.stack([_fit_sinusoids(modes, frequency).share for frequency in grid])
-    path = _best_frequency_path(shares, grid)
-    phase = _phase_of_frequency_path(modes, shares, path, grid)
-    explained_share = shares[path, np.arange(frames)]
-    period = period_from_phase(
-        modes, phase, (explained_share >= _STEADY) & complete_rows, frame_rate_hz
-    )
+    phase, share = _trace_beat(modes, frame_rate_hz)
+    may_be_steady = (share >= _STEADY) & complete_rows
+    period = period_from_phase(modes, phase, may_be_steady, frame_rate_hz)
     if not period.cycles:
-        return replace(period, why=_explain_missing_period(modes, explained_share, period.why))
+        return replace(period, why=_explain_missing_period(modes, share, period.why))
     if extreme is None:
         extreme = _signed_main_mode(modes, signal[complete_rows])
     return set_phase_zero(period, np.asarray(extreme, float))
 
 
 def _refuse_unusable_signal(signal: Floats, frame_rate_hz: float) -> None:
-    """Raise FinloopError if a signal is not (frames, k) or never complete, or the rate not > 0."""
+    """Raise FinloopError unless a signal is (frames, k) with a complete row, and the rate > 0."""
     if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
         raise FinloopError(
             f"a motion of shape {signal.shape}, "
@@ -114,8 +106,9 @@ def _signed_main_mode(modes: Floats, complete: Floats) -> Floats:
 def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
     """Return the `Period` of a motion (frames, k) whose phase is known, with the confidence in it.
 
-    phase (frames,): in cycles. good (frames,): where the motion may be steady; steady frames are
-    its runs of at least one cycle. With too few of them there is no period, see `Period.why`.
+    phase (frames,): in cycles. good (frames,): where the motion may be steady; it is in runs of
+    good frames of at least one cycle. If these are less than _LEAST_CYCLES in all there is no
+    period: `cycles` is 0, and `why` says so.
     """
     steady = _find_steady_runs(good, phase)
     inner = steady[1:] & steady[:-1]  # steps from one steady frame to the next
@@ -132,9 +125,9 @@ def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: 
 
 
 def set_phase_zero(period: Period, extreme: Floats) -> Period:
-    """Return a period with its phase shifted: 0 is where a signal's main wave is greatest.
+    """Return a period with its phase shifted: whole numbers are where a signal is greatest.
 
-    extreme (frames,): the signal.
+    extreme (frames,): the signal, of which only the sinusoid of the period counts.
     """
     frames = period.steady & np.isfinite(extreme)
     terms = _harmonic_terms(period.phase[frames], 1)
@@ -167,7 +160,8 @@ def _no_period(frames: int, why: str) -> Period:
 def fill_gaps(signal: Floats) -> Floats:
     """Return a signal (frames, k) with NaN replaced by linear interpolation in each column.
 
-    FinloopError if a column is all NaN.
+    Before the first number, and after the last, that number is repeated. FinloopError if a column
+    is all NaN.
     """
     time, filled = np.arange(len(signal)), signal.copy()
     for column in filled.T:  # views
@@ -212,19 +206,19 @@ def remove_beat(values: Floats, phase: Floats) -> Floats:
     """Return values (frames, k) without what repeats with a beat; turns and drift stay.
 
     phase (frames,): of the beat, in cycles. At every frame a straight line plus a sinusoid of the
-    beat is fitted over the cycle and a half about it (at both ends over the first or last such
-    window), and the line's value is kept.
+    beat is fitted to the cycle and a half about it, or, near an end, to the first or the last cycle
+    and a half. The line's value is kept.
     """
     smooth = np.empty_like(values)
     span = 2 * _HALF_WINDOW
     low, high = phase.min(), phase.max()
-    for t, moment in enumerate(phase):
+    for frame, moment in enumerate(phase):
         start = min(max(moment - _HALF_WINDOW, low), max(high - span, low))
         near = np.flatnonzero((phase >= start) & (phase <= start + span))
         turn = 2 * np.pi * phase[near]
-        # The line is centred on frame t, so its value there is the first factor.
-        terms = np.stack([np.ones(len(near)), near - t, np.cos(turn), np.sin(turn)], axis=1)
-        smooth[t] = np.linalg.lstsq(terms, values[near], rcond=None)[0][0]
+        # Time counts from this frame, so the line's value there is the first factor.
+        terms = np.stack([np.ones(len(near)), near - frame, np.cos(turn), np.sin(turn)], axis=1)
+        smooth[frame] = np.linalg.lstsq(terms, values[near], rcond=None)[0][0]
     return smooth
 
 
@@ -238,7 +232,7 @@ def _harmonic_terms(phase: Floats, count: int) -> Floats:
 
 
 def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
-    """Return which share (0-1) of a cycle's variance the other steady cycles predict, on average.
+    """Return which share (0-1) of the steady cycles' variance is predicted, each from all others.
 
     modes (frames, m): scores of the principal components; phase (frames,): in cycles; steady
     (frames,): which frames count.
@@ -257,18 +251,18 @@ def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
 
 
 def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
-    """Return why a motion has too few steady cycles, or `why` if no better reason is known.
+    """Return why a motion has too few steady cycles: a better reason than `why`, if there is one.
 
-    modes (frames, m): scores of the principal modes; share (frames,): variance that sinusoids
-    explain, 0-1.
+    modes (frames, m): scores of the principal modes; share (frames,): of the variance about each
+    frame that a sinusoid explains, 0-1; why: which cycles are steady.
     """
     half_turn = np.pi * np.arange(len(modes)) / len(modes)
-    first = modes[:, 0]
+    strongest = modes[:, 0]
     # A motion one way, or there and back at most, is half a wave over the whole film. If this
     # explains 90 % of the strongest mode, the film holds less than a cycle.
     terms = np.stack([np.ones(len(modes)), np.cos(half_turn), np.sin(half_turn)], axis=1)
-    residual = first - terms @ np.linalg.lstsq(terms, first, rcond=None)[0]
-    if residual @ residual < 0.1 * (first @ first):
+    residual = strongest - terms @ np.linalg.lstsq(terms, strongest, rcond=None)[0]
+    if residual @ residual < 0.1 * (strongest @ strongest):
         return f"the {len(modes)} frames hold no more than about half a cycle"
     return f"at most in bursts: {why}" if share.max() >= _STEADY else "no frequency explains it"
 
@@ -276,11 +270,29 @@ def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
 # --- the frequency and phase of every frame
 
 
+def _trace_beat(modes: Floats, frame_rate_hz: float) -> tuple[Floats, Floats]:
+    """Return the phase (frames,) of the beat in all modes, in cycles, and the share it explains.
+
+    The share (frames,) is that of the variance about each frame, 0-1. modes (frames, m): scores of
+    the principal modes.
+    """
+    # Frequencies from one cycle in the film to _FASTEST, with steps of a constant ratio.
+    frames = len(modes)
+    slowest_hz, fastest_hz = frame_rate_hz / frames, _FASTEST * frame_rate_hz
+    count = max(3, int(np.ceil(np.log(fastest_hz / slowest_hz) / np.log(_STEP))))
+    grid = np.geomspace(slowest_hz, fastest_hz, count) / frame_rate_hz  # cycles a frame
+    shares = np.stack([_fit_sinusoids(modes, frequency).share for frequency in grid])
+    path = _best_frequency_path(shares, grid)
+    phase = _phase_of_frequency_path(modes, shares, path, grid)
+    return phase, shares[path, np.arange(frames)]
+
+
 class _SinusoidFit(NamedTuple):
     """A sinusoid of one frequency, fitted to a window of the modes about every frame.
 
-    share (frames,): of the variance that it explains, 0-1; amplitude (frames, modes): complex, in
-    the middle of the window; offset (frames,): of the frame from that middle, in frames.
+    share (frames,): of the variance in the window that it explains, 0-1; amplitude (frames, modes):
+    complex, its angle is the phase in the middle of the window; offset (frames,): of the frame from
+    that middle, in frames.
     """
 
     share: Floats
@@ -291,9 +303,9 @@ class _SinusoidFit(NamedTuple):
 def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
     """Return how a sinusoid of `frequency` (cycles a frame) fits the modes about every frame.
 
-    modes (frames, m): scores of the principal modes. Least squares with a sine-shaped weight,
-    together with a straight line (a turn, a drift). The first and last frames share the first and
-    last whole window.
+    modes (frames, m): scores of the principal modes. In a window about each frame, a straight line
+    (a turn, a drift) and the sinusoid are fitted together; frames count less towards its ends. The
+    first and last frames share the first and last whole window.
     """
     # The four terms in a window of n frames: a straight line, cosine and sine.
     frames = len(modes)
@@ -303,36 +315,38 @@ def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
     weight = np.sin(np.pi * (np.arange(n) + 0.5) / n)
     terms = np.stack([np.ones(n), t / n, np.cos(angle), np.sin(angle)], axis=1)
     basis, upper = np.linalg.qr(terms * weight[:, None])  # orthonormal terms
+    # How much of each term every window holds, (windows, modes, 4), by one convolution for all.
     kernels = (basis * weight[:, None])[::-1]
-    # (windows, modes, 4): how much of each term every window holds, by one convolution for all
     projections = scipy.signal.fftconvolve(
         modes[:, :, None], kernels[:, None], mode="valid", axes=0
     )
-    total = scipy.signal.fftconvolve((modes**2).sum(axis=1), weight[::-1] ** 2, mode="valid")
-    # squares about the straight line
-    total = np.maximum(total - (projections[..., :2] ** 2).sum(axis=(1, 2)), 0)
-    explained = (projections[..., 2:] ** 2).sum(axis=(1, 2))
-    # Subtract what noise alone would give: two of the n - 2 numbers that a line leaves.
-    without_noise = explained - np.maximum(total - explained, 0) * 2 / (n - 4)
-    # Added to the variance in a window, so that no beat is seen where the animal rests.
-    least_variance = _QUIET * modes.var(axis=0).sum() * (weight**2).sum()
+    of_line, of_sinusoid = projections[..., :2], projections[..., 2:]
+    # Sums of squares in each window: about the straight line, and what the sinusoid explains.
+    squares = scipy.signal.fftconvolve((modes**2).sum(axis=1), weight[::-1] ** 2, mode="valid")
+    about_line = np.maximum(squares - (of_line**2).sum(axis=(1, 2)), 0)
+    explained = (of_sinusoid**2).sum(axis=(1, 2))
+    # Less what noise alone would give: two of the n - 2 numbers that a line leaves.
+    without_noise = explained - np.maximum(about_line - explained, 0) * 2 / (n - 4)
+    # Added to the squares of a window, so that no beat is seen where the animal rests.
+    least_squares = _QUIET * modes.var(axis=0).sum() * (weight**2).sum()
     # Back from orthonormal terms to the amplitudes of cosine and sine; then from windows to frames.
-    cos, sin = np.moveaxis(projections[..., 2:] @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
+    cos, sin = np.moveaxis(of_sinusoid @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
     start = np.clip(np.arange(frames) - n // 2, 0, frames - n)
     offset = (np.arange(frames) - start - (n - 1) / 2).astype(np.float64)
-    share: Floats = (np.maximum(without_noise, 0) / (total + least_variance))[start]
+    share: Floats = (np.maximum(without_noise, 0) / (about_line + least_squares))[start]
     return _SinusoidFit(share, (cos - 1j * sin)[start], offset)
 
 
 def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
     """Return each frame's most likely frequency, as indices (frames,) in `grid`, by Viterbi.
 
-    share (frequencies, frames): variance that each frequency explains, 0-1; their sum along the
-    path is greatest. From one frame to the next an index changes by at most one. A change costs
-    more for a slow beat, as a beat changes little within a cycle.
+    share (frequencies, frames): of the variance that each frequency explains, 0-1. The path has the
+    greatest sum of shares less the costs of changes, by at most one index from frame to frame. A
+    change costs more for a slow beat, as a beat changes little within a cycle. grid: the
+    frequencies, cycles a frame.
     """
     count, frames = share.shape
-    cost = _OCTAVE * np.log2(grid[1] / grid[0]) / grid  # cycles a frame: slow beats move seldom
+    cost = _OCTAVE * np.log2(grid[1] / grid[0]) / grid  # of a change from each frequency
     best_sum = share[:, 0].copy()
     previous = np.zeros((frames, count), np.intp)
     for row in range(1, frames):
@@ -341,6 +355,7 @@ def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
         options = np.stack([from_below, best_sum, from_above])
         previous[row] = np.arange(count) + options.argmax(axis=0) - 1  # −1: the index below
         best_sum = options.max(axis=0) + share[:, row]
+    # From the best end backwards.
     path = np.empty(frames, np.intp)
     path[-1] = best_sum.argmax()
     for row in range(frames - 1, 0, -1):
@@ -353,19 +368,13 @@ def _phase_of_frequency_path(
 ) -> Floats:
     """Return the phase (frames,) of the beat that all modes (frames, m) share, in cycles, rising.
 
-    share (frequencies, frames): variance that each frequency explains, 0-1; grid: the frequencies,
-    cycles a frame; path (frames,): index of each frame's frequency. The modes' amplitudes, turned
-    from the middle of the window to the frame, are approximated by one pattern of modes times one
-    complex number a frame. A wave runs through the modes in one direction, so the number's angle
-    always rises.
+    share (frequencies, frames): of the variance that each frequency explains, 0-1; grid: the
+    frequencies, cycles a frame; path (frames,): index of each frame's frequency. The modes'
+    amplitudes, turned from the middle of the window to the frame, are approximated by one pattern
+    of modes times one complex number a frame. A wave runs through the modes in one direction, so
+    the number's angle always rises.
     """
-    # The frequency of the greatest share near the path, by a parabola through three shares.
-    frame = np.arange(len(path))
-    middle = np.clip(path, 1, len(grid) - 2)
-    low, centre, high = (share[middle + step, frame] for step in (-1, 0, 1))
-    curvature = 2 * centre - low - high
-    offset = np.divide(high - low, 2 * curvature, out=np.zeros(len(path)), where=curvature > 1e-12)
-    frequency = grid[middle] * (grid[1] / grid[0]) ** np.clip(offset, -1, 1)
+    frequency = _refine_frequencies(share, path, grid)
     amplitudes = np.empty(modes.shape, np.complex128)
     for index in np.unique(path):
         frames_there = path == index
@@ -378,3 +387,17 @@ def _phase_of_frequency_path(
     # Unwrapped about the phase that the frequencies predict, so that every step has the right sign.
     predicted = np.concatenate([[0.0], np.cumsum((frequency[1:] + frequency[:-1]) / 2)])
     return predicted + np.unwrap(angle - predicted, period=1.0)
+
+
+def _refine_frequencies(share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
+    """Return the frequency (frames,) between those of `grid` that explains most near the path.
+
+    It is in cycles a frame, as `grid` is, at the top of a parabola through three shares. share
+    (frequencies, frames): of the variance that each frequency explains; path (frames,): indices.
+    """
+    frame = np.arange(len(path))
+    middle = np.clip(path, 1, len(grid) - 2)
+    low, centre, high = (share[middle + step, frame] for step in (-1, 0, 1))
+    curvature = 2 * centre - low - high
+    offset = np.divide(high - low, 2 * curvature, out=np.zeros(len(path)), where=curvature > 1e-12)
+    return grid[middle] * (grid[1] / grid[0]) ** np.clip(offset, -1, 1)

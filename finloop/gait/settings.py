@@ -45,7 +45,7 @@ class GaitSettings:
     }
 
     def __post_init__(self) -> None:
-        """Refuse a number of contour points that is no power of two, or regions without a rate."""
+        """Raise ValueError unless points are a power of two, and regions have a folder and rate."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")
         if self.limbs == "regions" and (self.regions is None or self.regions_rate_hz is None):

@@ -80,9 +80,10 @@ def shipped_gait_files(shipped: Path) -> dict[str, Path]:
 def choose_frame_timing(
     frequency_hz: float, frames: int | None, rate: Fraction | None
 ) -> tuple[int, Fraction]:
-    """Return frames per cycle and frames per second, keeping the gait's frequency if possible.
+    """Return frames per cycle and frames per second of a gait with a frequency.
 
-    frames: per cycle; rate: frames per second; None = chosen to fit the other.
+    frames: per cycle; rate: frames per second. None is chosen so that the frequency is kept, about;
+    if both are None the rate is RATE. Given both, they stay.
     """
     if frames is None:
         rate = rate or RATE

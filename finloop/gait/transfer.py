@@ -11,7 +11,7 @@ the likeness after the best turn. The second part decides for contours that look
 such as an eye: they should not turn.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, orient_clockwise, resample_curve
-from finloop.gait.ground import Ground, Support, measure_ground, plant_feet, support_frames
+from finloop.gait.ground import Ground, Support, measure_ground, plant_feet
 from finloop.gait.model import (
     POOLED,
     Gait,
@@ -55,16 +55,6 @@ class Transfer:
     lifted: tuple[str, ...]
 
 
-def _count_frames_outside(morph: Morph) -> dict[str, int]:
-    """Count the frames in which a contour leaves the picture, by name; only those that do."""
-    size = [morph.width, morph.height]
-    counts = {
-        name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
-        for name, stack in morph.layers.items()
-    }
-    return {name: count for name, count in counts.items() if count}
-
-
 def animate_drawing(
     key1: Drawing,
     key2: Drawing,
@@ -78,10 +68,10 @@ def animate_drawing(
     The result also says how far feet slide before and after they are put on the ground, which
     contours leave the picture, and which feet are drawn too high (`Transfer`).
     key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
-    is fitted into the picture of the first. frames: of the cycle, at least 4. points: of every
-    contour, a power of two if γ is per scale or there is a `control`: the number of control points
-    of every contour (Fig. 14), None = all. FinloopError if the poses do not match, a limb has no
-    height, or a number is out of range.
+    is fitted into the picture of the first. frames: of the cycle, at least 4. points, control:
+    numbers of points and of control points (Fig. 14, None = no reduction) of every contour; powers
+    of two if `control` is set or γ is per scale. FinloopError if the poses do not match, a limb has
+    no height, or a number is out of range.
     """
     check_sizes("cycle", frames, points, LEAST_FRAMES)
     check_pairs(key1, key2)
@@ -110,37 +100,42 @@ def animate_drawing(
     )
 
 
+def _count_frames_outside(morph: Morph) -> dict[str, int]:
+    """Return, by id, in how many frames a contour leaves the picture, without zeros."""
+    size = [morph.width, morph.height]
+    counts = {
+        name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
+        for name, stack in morph.layers.items()
+    }
+    return {name: count for name, count in counts.items() if count}
+
+
 def repeat_cycle(morph: Morph, cycles: int) -> Morph:
     """Return the morph of one gait cycle repeated `cycles` times."""
     return morph.take_frames(np.tile(np.arange(len(morph.tau)), cycles))
 
 
 def add_pooled_gamma(gait: Gait) -> Gait:
-    """Return the gait with a mean γ (gait parameter) for contours that it does not name.
+    """Return the gait with a γ (gait parameter) for contours that it does not name: the mean γ.
 
     A gait that has such a γ already, or none at all, is returned unchanged.
     """
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {}
-    for letter in "AB":
+    for letter in "AB":  # of the subcycles
         means = [np.mean(gammas[letter]) for gammas in gait.gamma.values()]  # over the scales
         pooled[letter] = (float(np.mean(means)),)
     return replace(gait, gamma={**gait.gamma, POOLED: pooled})
 
 
 def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
-    """Return, by id, how much lower (0, y) a limb stands than its partner if both stand in key 1.
+    """Return how much lower (0, y) a limb stands than its partner, by id, if both stand in key 1.
 
     key1: contours (n, 2) by id, y down. The far limbs of a drawing often stand higher in the
     picture: farther up on the ground.
     """
-    standing = set()
-    for name in key1:
-        runs = support_frames(gait.support.get(name, ()), LEAST_FRAMES)
-        # Frame 0 is key 1; a number from LEAST_FRAMES on belongs to the next cycle.
-        if any(0 in run % LEAST_FRAMES for run in runs):
-            standing.add(name)
+    standing = _standing_limbs(gait, 0.0) & key1.keys()
     offsets = dict[str, Points]()
     for name in standing:
         twin = opposite_limb(name, key1)
@@ -150,19 +145,25 @@ def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
     return offsets
 
 
+def _standing_limbs(gait: Gait, phase: float) -> set[str]:
+    """Return the ids of the limbs whose foot is on the ground at a phase, 0 to below 1 cycles."""
+    return {
+        name
+        for name, spans in gait.support.items()
+        for start, end in spans  # within two cycles
+        if any(start <= moment <= end for moment in (phase, phase + 1, phase + 2))
+    }
+
+
 def _find_lifted_feet(
     key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]
 ) -> tuple[str, ...]:
     """Return the ids of feet that stand in key 2 but are drawn higher than their lifted partners.
 
-    key2: contours (n, 2) by id, y down; offsets: how much lower a limb stands than its partner if
-    both stand. A foot counts as higher by more than LIFT of its partner's height.
+    key2: contours (n, 2) by id, y down; offsets: how much lower (0, y) a limb stands than its
+    partner if both stand. Higher means by more than a share LIFT of the partner's height.
     """
-    standing = set()
-    for name, spans in gait.support.items():
-        for start, end in spans:  # `end` may lie in the next cycle
-            if any(start <= phase <= end for phase in (gait.split, gait.split + 1)):
-                standing.add(name)
+    standing = _standing_limbs(gait, gait.split)
     lifted = []
     for name in standing & key2.keys():
         if (twin := opposite_limb(name, key2)) not in standing and twin in gait.support:
@@ -191,11 +192,11 @@ def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) 
 def match_key_poses(
     key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
 ) -> tuple[dict[str, Points], dict[str, Points]]:
-    """Return both key poses as contours (points, 2) by id; equal rows are the same place.
+    """Return both key poses as contours (points, 2) by id; row i is the same place in both.
 
-    If the symmetry is "swap", the rows of left and right limbs correspond too: the first limb of
-    the pair in the drawing numbers all four contours. points: of every contour. FinloopError if a
-    limb is closed and its partner or its other pose open.
+    If the symmetry is "swap", so it is in left and right limbs: the one that comes first in the
+    drawing numbers the points of both limbs in both poses. points: of every contour. FinloopError
+    if a limb is closed and its partner or its other pose open.
     """
     first, second = dict[str, Points](), dict[str, Points]()
     for name, curve in key1.curves.items():
@@ -216,24 +217,28 @@ def match_key_poses(
 def renumber_curve(reference: Points, curve: Curve) -> Points:
     """Return a curve as n points (n, 2), numbered so that they match `reference` (n, 2) best.
 
-    A closed curve may start between two of its n points (FINE starts are tried from one to the
-    next): an error of half a step would make feet slide. An open curve may be reversed.
+    Both are centred first. A turn between them hardly counts, see `_likeness_of_product`. An open
+    curve may be reversed. A closed curve runs clockwise, as `reference` must then, and starts at
+    any of n · FINE places: with n places alone, errors of half a step would make feet slide.
     """
-    a, n = _centred_complex_points(reference), len(reference)
+    centred_reference, n = _centred_complex_points(reference), len(reference)
     if not curve.closed:
         points = resample_curve(curve, n).points
-        forwards, backwards = (
-            _contour_likeness(a @ _centred_complex_points(numbered).conj())
-            for numbered in (points, points[::-1])
-        )
-        return points if forwards >= backwards else points[::-1]
-    points = resample_curve(orient_clockwise(curve), n * FINE).points
-    numberings = [points[start::FINE] for start in range(FINE)]
-    # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the reference.
-    b = np.stack([_centred_complex_points(numbered) for numbered in numberings])
-    likeness = _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
-    start, shift = np.unravel_index(int(likeness.argmax()), likeness.shape)
-    return np.roll(numberings[int(start)], int(shift), axis=0)
+
+        def likeness(numbered: Points) -> float:
+            """Return how well points (n, 2) match the reference."""
+            product = centred_reference @ _centred_complex_points(numbered).conj()
+            return float(_likeness_of_product(product))
+
+        return max((points, points[::-1]), key=likeness)
+    fine = resample_curve(orient_clockwise(curve), n * FINE).points
+    candidates = [fine[start::FINE] for start in range(FINE)]  # n points each, every FINE-th
+    # The product for every shift of every candidate, (FINE, n), by FFT.
+    spectra = np.fft.fft([_centred_complex_points(points) for points in candidates])
+    products = np.fft.ifft(np.fft.fft(centred_reference) * spectra.conj())
+    likenesses = _likeness_of_product(products)
+    best, shift = np.unravel_index(int(likenesses.argmax()), likenesses.shape)
+    return np.roll(candidates[int(best)], int(shift), axis=0)
 
 
 def mirrored_point_orders(
@@ -250,30 +255,40 @@ def mirrored_point_orders(
         twin = opposite_limb(name, key1)
         if twin in orders:
             orders[name] = orders[twin]
-            continue
-        n = len(key1[name])
-        forwards = np.arange(n)
-        starts_likeness, forwards_likeness, backwards_likeness = np.zeros(n), 0.0, 0.0
-        for this_key, other_key in ((key2, key1), (key1, key2)):
-            a = _centred_complex_points(this_key[name])
-            b = _centred_complex_points(other_key[twin] * [1, -1]).conj()
-            # Entry s is Σ a_i b_(s−i): the mirrored contour, reversed, begins at its point s.
-            starts_likeness += _contour_likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b)))
-            forwards_likeness += float(_contour_likeness(a @ b))
-            backwards_likeness += float(_contour_likeness(a @ b[forwards[::-1]]))
-        if closed[name]:
-            orders[name] = reversed_order(n, int(starts_likeness.argmax()))
         else:
-            orders[name] = forwards if forwards_likeness >= backwards_likeness else forwards[::-1]
+            pairs = (key2[name], key1[twin]), (key1[name], key2[twin])
+            orders[name] = _mirrored_point_order(pairs, closed[name])
     return orders
 
 
-def _contour_likeness(product: Complex) -> Points:
-    """Return how alike two contours a, b are, from the sum z = Σ a conj(b), of any shape.
+def _mirrored_point_order(pairs: Sequence[tuple[Points, Points]], closed: bool) -> Ints:
+    """Return the order (n,) of points in which mirrored contours fit others best.
 
-    a, b: the points as centred complex numbers. A turn of one contour lowers the likeness a little.
+    pairs: a contour (n, 2), and the contour that is mirrored to fit it; closed: whether all are. A
+    closed contour is reversed, and may begin at any point; an open one may be reversed.
     """
-    return np.abs(product) + UPRIGHT * product.real
+    forwards = np.arange(len(pairs[0][0]))
+    # Likenesses, summed over the pairs: of a closed contour by its start, of an open one.
+    start_likenesses, forwards_likeness, backwards_likeness = np.zeros(len(forwards)), 0.0, 0.0
+    for first, second in pairs:
+        a = _centred_complex_points(first)
+        b = _centred_complex_points(second * [1, -1]).conj()
+        # Entry s is Σ a_i b_(s−i): the mirrored contour, reversed, begins at its point s.
+        start_likenesses += _likeness_of_product(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b)))
+        forwards_likeness += float(_likeness_of_product(a @ b))
+        backwards_likeness += float(_likeness_of_product(a @ b[::-1]))
+    if closed:
+        return reversed_order(len(forwards), int(start_likenesses.argmax()))
+    return forwards if forwards_likeness >= backwards_likeness else forwards[::-1]
+
+
+def _likeness_of_product(z: Complex) -> Points:
+    """Return how alike two contours are after the best turn: |z| + UPRIGHT · Re z, shaped like z.
+
+    z is Σ a_i conj(b_i) over the points of both as centred complex numbers. The second part is
+    there for contours that look the same turned, such as an eye: they should not turn.
+    """
+    return np.abs(z) + UPRIGHT * z.real
 
 
 def _centred_complex_points(points: Points) -> Complex:

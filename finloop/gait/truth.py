@@ -9,11 +9,11 @@ QUADRATURE = 401
 
 
 def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
-    """Return the true gait parameters γ of the drawn dog, by limb and subcycle ("A", "B").
+    """Return the true gait parameters γ of the drawn dog, by limb, then by subcycle ("A", "B").
 
-    n: points of a contour. They are fitted by least squares to the exact contours at QUADRATURE
-    moments. They differ a little from γ of the foot's own motion (`foot_gammas`), as points move on
-    arcs and the body bobs.
+    They are fitted by least squares to the exact contours, of n points, at QUADRATURE moments. They
+    differ a little from γ of the foot's own motion (`foot_gammas`), as points move on arcs and the
+    body bobs.
     """
     tau = np.linspace(0, 1, QUADRATURE)
     gammas = dict[str, dict[str, float]]()

@@ -27,10 +27,10 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 
 def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
-    """Return the exact number (f,) of pairs of edges that meet in each polygon; 0: none does.
+    """Return the exact number (f,) of folds of each polygon: pairs of its edges that meet.
 
-    Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
-    more. stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not
+    Neighbouring edges count if they share more than their vertex; an edge of length 0 is a fold,
+    too. stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not
     repeated. FinloopError if a coordinate is not finite, or there are too few vertices.
     """
     stack = _check_polygons(stack, closed)
@@ -39,7 +39,7 @@ def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
 
 
 def is_simple(points: Reals, closed: bool = True) -> bool:
-    """Return whether a polygon (n, 2) never meets itself, as `count_polygon_folds` counts."""
+    """Return whether a polygon (n, 2) has no fold, as `count_polygon_folds` counts them."""
     polygon = _check_polygons(points, closed)[0]
     return count_folds_unchecked(polygon, closed, first_only=True) == 0
 
@@ -80,7 +80,7 @@ def _check_polygons(points: Reals, closed: bool) -> Floats:
 
 @kernel
 def _two_product(a: float, b: float) -> tuple[float, float]:
-    """Return the product of two numbers as a float, and its rounding error (Dekker).
+    """Return the rounded product of two numbers, and what is missing to the exact one (Dekker).
 
     Each factor is the sum of two halves of at most 26 bits, whose products are exact.
     """
@@ -124,7 +124,7 @@ def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 
 @kernel
 def _orientation_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
-    """Return the exact sign of (a − c) × (b − c): on which side of line ab point c lies."""
+    """Return the exact sign of (a − c) × (b − c): the side of line ab where c lies; 0: on it."""
     left = (ax - cx) * (by - cy)
     right = (ay - cy) * (bx - cx)
     det = left - right
@@ -135,9 +135,9 @@ def _orientation_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy:
 
 @kernel
 def _segments_meet(points: Floats, a: int, b: int, c: int, d: int) -> bool:
-    """Return whether two edges of a polygon share a point, if their bounding boxes overlap.
+    """Return whether edges ab and cd of a polygon share a point; their bounding boxes must overlap.
 
-    points (n, 2): the polygon; a, b and c, d: rows of it at the ends of the edges.
+    points (n, 2): the polygon; a, b, c, d: its rows at the ends of the edges.
     """
     ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
     cx, cy, dx, dy = points[c, 0], points[c, 1], points[d, 0], points[d, 1]
@@ -200,10 +200,10 @@ def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 
 @kernel
 def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int:
-    """Return the number of pairs of edges that meet in a polygon (n, 2); its shape is not checked.
+    """Return the number of folds of a polygon (n, 2), whose shape is not checked.
 
-    Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
-    more. first_only: stop at the first pair; the result then says only whether there is one.
+    A fold is a pair of edges that meet: neighbours if they share more than their vertex; or an edge
+    of length 0. first_only: stop at the first; the result then only says whether there is one.
     Bounding boxes of edges, and of blocks of BLOCK successive edges, rule out most pairs.
     """
     n = len(points)
@@ -250,10 +250,10 @@ def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int
 def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
     """Return whether it is proved that vertex v never touches edge ij between two poses.
 
-    before, after (n, 2): the poses; v, i, j: rows. u and w join vertex v to vertices i and j. There
-    is no contact while u × w is not 0 or u · w is positive. Both are quadratics in time, given by
-    their Bernstein coefficients c0, c1, c2 and d0, d1, d2. Where these do not decide, the time is
-    halved, up to DEPTH times.
+    before, after (n, 2): the poses; v, i, j: rows. Let u and w lead from v to i and to j. There is
+    no contact while u × w is not 0 or u · w is positive. Both are quadratics in time, with the
+    Bernstein coefficients c0, c1, c2 (u × w) and d0, d1, d2 (u · w), between whose extremes the
+    quadratic lies. Where these do not decide, the time is halved, up to DEPTH times.
     """
     ax, ay = before[i, 0] - before[v, 0], before[i, 1] - before[v, 1]
     bx, by = after[i, 0] - after[v, 0], after[i, 1] - after[v, 1]
@@ -300,7 +300,7 @@ def _copy_numbers(row, values):  # type: ignore[no-untyped-def]
 def stays_simple_unchecked(stack: Floats, closed: bool) -> bool:
     """Return whether a polygon that moves straight from pose to pose (k, n, 2) never meets itself.
 
-    The first pose must be simple; neither this nor the shape is checked. False may mean that two
+    The first pose must have no fold; neither this nor the shape is checked. False may mean that two
     parts come too near each other to decide. A vertex and an edge can only meet where the boxes of
     their paths between two poses overlap; boxes of BLOCK of them rule out most pairs.
     """

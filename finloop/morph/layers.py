@@ -59,14 +59,14 @@ def morph_drawings(
     scales: LinearOptions = LinearOptions(),  # noqa: B008  (immutable)
     physics: PhysicalOptions = PhysicalOptions(),  # noqa: B008  (immutable)
 ) -> Morph:
-    """Return the morph of drawing `a` into `b`, which is fitted into the picture of `a`.
+    """Return the morph of drawing `a` into drawing `b`, which is fitted into the picture of `a`.
 
     a, b: with the same ids, each contour closed in both or open in both. method: one of METHODS;
     `fold_free` keeps every contour free of folds. frames: their number, at least 2, both ends
     included. points: of every contour, at least 8; a power of two for `physical`, and for `linear`
     with a level. scales, physics: settings of the linear and the physical morph. FinloopError if
-    the drawings do not match, a number is out of range, or the method cannot morph a contour; the
-    message names it.
+    the drawings do not match, a number is out of range, or the method cannot morph a contour, which
+    the message names.
     """
     if method not in METHODS:
         raise FinloopError(
@@ -97,13 +97,13 @@ def build_morph(
     digits: Sequence[int],
     repeats: bool = False,
 ) -> Morph:
-    """Return the morph of given frames of all contours: coordinates rounded, folds counted.
+    """Return a morph made of given frames: coordinates rounded, folds counted.
 
     Its `continuous` says of each contour whether it is proved that no fold lies between frames.
-    a, b: the drawings; `a` gives the size of the picture, both give styles. tau, layers: share of
-    the way to `b` (f,) of every frame, and its contours (f, n, 2) by id. digits: significant digits
-    of the picture's larger side, tried in turn until no frame folds; else the last. repeats:
-    whether the first frame follows the last.
+    a, b: the drawings; `a` gives the size of the picture, both give styles. tau (f,): share of the
+    way to `b` in every frame; layers: contours (f, n, 2) by id. digits: to how many significant
+    digits of the picture's larger side coordinates are rounded: the first number with which no
+    frame folds, else the last. repeats: whether the first frame follows the last.
     """
     closed = {name: curve.closed for name, curve in a.curves.items()}
     for significant in digits:
@@ -156,9 +156,10 @@ def linear_morph(
     """Return the frames (frames, points, 2) of the linear morph from curve a to b (Eq. 4.1).
 
     A(τ) = (1 − τ) Aˢ + τ Aᵈ, where Aˢ and Aᵈ are `points` points of a and of b. With a level they
-    are points / 2^level wavelet control points of a and of b: the ends are coarse versions of the
-    curves, and `points` is a power of two. FinloopError if one curve is open and the other closed,
-    or, with a level, the points cannot be halved so often or the wavelet is longer than the curve.
+    are points / 2^level wavelet control points of a and of b: every frame is then without finer
+    details, also at both ends, and `points` is a power of two. FinloopError if one curve is open
+    and the other closed, or, with a level, the points cannot be halved so often or the wavelet is
+    longer than the curve.
     """
     ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]
@@ -178,7 +179,7 @@ def physical_morph(
     half as often. With little damping the curve overshoots, with much it creeps, without mass it
     does not swing.
 
-    Stiffness does not depend on position, so the mean of the points moves as the slowest mode does.
+    No stiffness holds the mean of the points, so it is moved as the slowest mode moves.
     FinloopError if one curve is open and the other closed, `points` is no power of two, or mass and
     damping are both 0.
     """

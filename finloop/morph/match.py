@@ -28,6 +28,7 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
             "close the open curve, open the closed curve, or omit the pair",
         )
     first, second = resample_curve(a, n).points, resample_curve(b, n).points
+    directions = [second, second[::-1]]
     if not a.closed:
         centred = first - first.mean(axis=0)
 
@@ -35,9 +36,8 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
             """Return the summed squared distances of curve b's points from a's, about the means."""
             return float(((centred - points + points.mean(axis=0)) ** 2).sum())
 
-        return first, min((second, second[::-1]), key=misfit)
-    directions = [second, second[::-1]]
-    if is_simple(first) and is_simple(second):  # if they turn opposite ways, the morph folds
+        return first, min(directions, key=misfit)
+    if is_simple(first) and is_simple(second):  # if they turned opposite ways, the morph would fold
         areas = [signed_area(Curve(points, closed=True)) for points in (first, second)]
         opposite = areas[0] * areas[1] <= 0
         directions = directions[1:] if opposite else directions[:1]
@@ -48,9 +48,9 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
 
 
 def misfit_by_start(first: Floats, second: Floats) -> Floats:
-    """Return, for each start point s of polygon b, how badly it fits a: Σ_i ‖a_i − b_{i+s}‖².
+    """Return how badly polygon b fits a from each of its points s on: Σ_i ‖a_i − b_{i+s}‖², (n,).
 
-    first, second (n, 2): closed polygons a, b, which are centred first. The result is (n,).
+    first, second (n, 2): closed polygons a, b, which are centred first.
     """
     a, b = ((points - points.mean(axis=0)) @ [1, 1j] for points in (first, second))
     product = np.fft.ifft(np.fft.fft(b) * np.fft.fft(a).conj()).real

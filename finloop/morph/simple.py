@@ -88,28 +88,28 @@ def path_lengths(poses: Points) -> Points:
 
 
 def _find_simple_path(first: Points, second: Points, closed: bool) -> Points:
-    """Return poses (k, n, 2) between two curves (n, 2); moving straight between them never folds.
+    """Return poses (k, n, 2) from one curve (n, 2) to another; no motion from pose to pose folds.
 
-    Both curves are simplified step by step, and the path is the shortest one that joins two of
-    their poses. If no two can be joined, it leads through the last, simplest ones.
+    Both curves are simplified step by step, and the path is the shortest one on which a straight
+    motion joins a pose of each. If none can be joined, it leads through the last, simplest ones.
     """
     a, b = _simplify_curve(first, closed), _simplify_curve(second, closed)
-    shortest_length: float = np.inf
-    shortest_path: Points | None = None
+    length: float = np.inf
+    path: Points | None = None
     for start in _candidate_starts(a, b) if closed else [0]:
-        found = _find_shortest_path(a, np.roll(b, -start, axis=1), closed, shortest_length)
-        if found is not None:
-            shortest_length, shortest_path = found
-    if shortest_path is not None:
-        return shortest_path
+        shorter = _find_shortest_path(a, np.roll(b, -start, axis=1), closed, limit=length)
+        if shorter is not None:
+            length, path = shorter
+    if path is not None:
+        return path
     between = join_simplified_poses(a[-1], b[-1], closed)[1:-1]
     return np.concatenate([a, between, b[::-1]])
 
 
 def _candidate_starts(a: Points, b: Points) -> list[int]:
-    """Return the points of polygon b that may correspond to the first of a: 0, and the best fits.
+    """Return the points of polygon b that may correspond to point 0 of a: 0, and the best fits.
 
-    a, b (k, n, 2): poses of both, simplified step by step. Only local minima of the misfit count.
+    a, b (k, n, 2): poses of both, simplified step by step. A fit is a local minimum of the misfit.
     """
     n, starts = a.shape[1], [0]
     for share in (0.0, 0.5, 1.0):  # the curves themselves, half simplified, and simplified
@@ -146,8 +146,9 @@ def _find_shortest_path(
         possible[: i + 1, : j + 1] = False
         return False
 
+    # Only to rule out many pairs soon: bisect how simple poses of equal number must be to join.
     low, high = 0, min(len(a), len(b)) - 1
-    while low < high:  # bisection: how simple must both poses be? This rules out many pairs
+    while low < high:
         middle = (low + high) // 2
         low, high = (low, middle) if try_to_join(middle, middle) else (middle + 1, high)
     for flat_index in np.argsort(length, axis=None):
@@ -163,9 +164,10 @@ def _find_shortest_path(
 
 
 def _simplify_curve(points: Points, closed: bool) -> Points:
-    """Return poses (k, n, 2) from a curve (n, 2) to a round shape, a triangle or a line.
+    """Return poses (k, n, 2) from a curve (n, 2) to a simple shape, without folds in between.
 
-    FinloopError if its parts are too near each other to be kept apart.
+    The last is a round polygon, else a triangle; of an open curve, a line. FinloopError if the
+    curve's parts are too near each other to be kept apart.
     """
     if not closed:
         poses, is_done = straighten_curve(points)
@@ -196,7 +198,7 @@ def _pose_distances(a: Points, b: Points) -> Points:
 
 @kernel
 def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> bool:
-    """Return whether a polygon (n, 2) that moves straight to another is proved not to meet itself.
+    """Return whether it is proved that a polygon (n, 2) that moves straight to another never folds.
 
     The motion is tested in PARTS steps.
     """
@@ -216,16 +218,16 @@ def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> b
 def _frames_along_path(poses: Points, frames: int, closed: bool) -> Points:
     """Return frames (frames, n, 2) at constant speed along poses (k, n, 2), smoothed in time.
 
-    The smoothing is as wide as it can be without folds, at most; frames of closed curves keep to
-    the areas of the ends.
+    The smoothing is the widest of SMOOTHING that makes no fold; none if all do. The areas of closed
+    frames are kept between those of the ends.
     """
     along = path_lengths(poses)
     marks = np.linspace(0, along[-1], frames)
-    k = np.clip(np.searchsorted(along, marks, side="right") - 1, 0, len(along) - 2)
-    share = ((marks - along[k]) / (along[k + 1] - along[k]))[:, None, None]
-    stack = (1 - share) * poses[k] + share * poses[k + 1]
+    last = np.clip(np.searchsorted(along, marks, side="right") - 1, 0, len(along) - 2)
+    share = ((marks - along[last]) / (along[last + 1] - along[last]))[:, None, None]
+    stack = (1 - share) * poses[last] + share * poses[last + 1]
     stack[0], stack[-1] = poses[0], poses[-1]
-    for width in SMOOTHING:  # the widest first
+    for width in SMOOTHING:
         smooth = _smooth_in_time(stack, width * frames)
         smooth[0], smooth[-1] = poses[0], poses[-1]
         if stays_simple(smooth, closed):
@@ -258,11 +260,10 @@ def _limit_areas(stack: Points) -> Points:
 
 
 def _has_simple_motion(stack: Points, closed: bool) -> bool:
-    """Return whether it is proved that the motion between frames (f, n, 2) never meets itself.
+    """Return whether it is proved that the motion from frame to frame (f, n, 2) makes no fold.
 
-    An edge that turns round passes through length 0, where it meets its neighbours. So the motion
-    may stray from the straight line by up to NUDGE of the mean edge length, and the edge turns at a
-    positive length.
+    In a straight motion an edge that turns round has length 0 for a moment, which is a fold. So the
+    motion may also be one that strays from the straight one by up to NUDGE of the mean edge length.
     """
     for k in range(len(stack) - 1):
         pair = stack[k : k + 2]
@@ -282,15 +283,18 @@ def _has_simple_motion(stack: Points, closed: bool) -> bool:
 
 
 def _smooth_contour(points: Points, closed: bool) -> Points:
-    """Return a polygon (n, 2) whose edges are means of the edges near them, about REACH of them."""
+    """Return a smooth polygon (n, 2): each edge becomes a mean of the edges within about REACH.
+
+    The mean of the vertices stays. points (n, 2): the polygon; closed: whether it is.
+    """
     doubled = np.r_[points, points[:1]] if closed else np.r_[points, points[-2::-1]]
     edges = np.diff(doubled, axis=0)
     if not closed:
         edges[len(points) - 1 :] *= -1  # the second half mirrors the first
+    # A factor for each frequency: in the mean, weights fall off by e over REACH edges.
     angle = np.pi * np.arange(len(edges)) / len(edges)
-    # Of frequencies: weights of the edges near one that fall off by e over REACH edges.
-    weight = 1 / (1 + 4 * REACH**2 * np.sin(angle) ** 2)
-    mean_edges = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * weight)[: len(points) - 1]
+    factor = 1 / (1 + 4 * REACH**2 * np.sin(angle) ** 2)
+    mean_edges = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * factor)[: len(points) - 1]
     z = np.r_[0, np.cumsum(mean_edges)]
     smooth = np.stack([z.real, z.imag], axis=1)
     return smooth - smooth.mean(axis=0) + points.mean(axis=0)
@@ -309,13 +313,13 @@ def round_off_polygon(points: Points) -> tuple[Points, bool]:
     """Return poses (k, n, 2) from a simple polygon (n, 2) to a round one, and whether it is round.
 
     The steps are curve shortening; all poses have the same area, and no step makes a fold. The last
-    pose is not round if HALVINGS halvings of a step, or MOST_POSES poses, do not suffice.
+    pose is not round if a step folds after HALVINGS halvings, or if there are MOST_POSES poses.
     """
     poses = [np.ascontiguousarray(points, np.float64)]
     edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
     area = signed_area(Curve(points, closed=True))
     step, halvings = edges.mean() ** 2, 0
-    while 4 * np.pi * abs(area) <= ROUND * edges.sum() ** 2:  # of a circle 4π area = length²
+    while 4 * np.pi * abs(area) <= ROUND * edges.sum() ** 2:  # equal, without ROUND, in a circle
         pose = _resize_polygon(_implicit_step(poses[-1], step), area)
         if stays_simple_unchecked(np.stack([poses[-1], pose]), closed=True):
             poses.append(pose)
@@ -329,7 +333,7 @@ def round_off_polygon(points: Points) -> tuple[Points, bool]:
 
 
 def _implicit_step(points: Points, step: float) -> Points:
-    """Return a polygon (n, 2) after one implicit step of curve shortening, of length `step`.
+    """Return a polygon (n, 2) after one implicit step of curve shortening, of the time `step`.
 
     It solves (1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|². The system
     is tridiagonal but for two corners, which Sherman and Morrison's formula adds.
@@ -358,23 +362,23 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
     """
     pose = np.ascontiguousarray(points, np.float64)
     area, n = signed_area(Curve(pose, closed=True)), len(pose)
-    poses, corners = [pose], np.arange(n)
+    poses, corners = [pose], np.arange(n)  # corners: the vertices that are not yet straightened
     while len(corners) > 3:
         before, after = np.roll(corners, 1), np.roll(corners, -1)
-        # Twice the area of each corner's triangle, < 0 outside; small moves come first.
+        # Twice the area of each corner's triangle, < 0 if it lies outside.
         (x, y), (u, v) = (pose[corners] - pose[before]).T, (pose[after] - pose[corners]).T
-        tip = np.sign(area) * (x * v - y * u)
-        for corner in np.argsort(tip):
-            first, last = before[corner], after[corner]
+        ear_area = np.sign(area) * (x * v - y * u)
+        for k in np.argsort(ear_area):  # the smallest move that makes no fold
+            first, last = before[k], after[k]
             span = np.arange(1, (last - first) % n)  # the vertices between go onto the line
             share = span[:, None] / (len(span) + 1)
             cut = pose.copy()
             cut[(first + span) % n] = pose[first] + (pose[last] - pose[first]) * share
-            if tip[corner] >= 0 and stays_simple_unchecked(np.stack([pose, cut]), closed=True):
+            if ear_area[k] >= 0 and stays_simple_unchecked(np.stack([pose, cut]), closed=True):
                 break
         else:
             return np.stack(poses), False
-        pose, corners = cut, np.delete(corners, corner)
+        pose, corners = cut, np.delete(corners, k)
         poses.append(_resize_polygon(pose, area))
     return np.stack(poses), True
 
@@ -382,15 +386,15 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
 def straighten_curve(points: Points) -> tuple[Points, bool]:
     """Return poses (k, n, 2) from an open simple curve (n, 2) to a line, and whether it is one.
 
-    Straight means that every edge runs within 45° of the line from end to end. The poses are ever
-    shorter parts about the curve's middle, enlarged to its length.
+    A line is a curve whose edges all run within 45° of its chord. The poses are ever shorter parts
+    about the curve's middle, enlarged to its length.
     """
     points = np.ascontiguousarray(points, np.float64)
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
-    # Each pose shows the share `shrink` of what the one before shows.
+    # The last pose shows the share `length_share` of the curve, the next one `shrink` times that.
     poses, length_share, shrink = [points], 1.0, SHRINK
     while not _is_straight(poses[-1]):
-        share = shrink * length_share  # of the curve that the next pose shows
+        share = shrink * length_share
         marks = along[-1] * (0.5 + share * (np.linspace(0, 1, len(points)) - 0.5))
         x, y = (np.interp(marks, along, values) for values in points.T)
         pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / share
@@ -413,11 +417,11 @@ def _is_straight(points: Points) -> bool:
 
 
 def join_simplified_poses(first: Points, second: Points, closed: bool) -> Points:
-    """Return JOIN poses from one round or straight pose (n, 2) to another: (JOIN, n, 2).
+    """Return poses (JOIN, n, 2) without folds from one simplified pose (n, 2) to another.
 
-    Closed: two polygons of one turning sense; open: two lines. From a point that sees a whole plain
-    polygon, the vertices lie at increasing angles, less than half a turn apart. This holds for
-    every mean of two such polygons, at all radii, so no pose has a fold.
+    Closed: two round polygons or triangles that run the same way; open: two lines. From a point
+    that sees the whole of such a polygon, the vertices lie at increasing angles, less than half a
+    turn apart. Means of two polygons' angles and radii keep this, so no pose has a fold.
     """
     share = np.linspace(0, 1, JOIN)[:, None]
     ends = first, second

@@ -65,7 +65,7 @@ def _tangents_to_head(line: Floats) -> Floats:
     """Return the unit tangents (n, 2) of a midline (n, 2), pointing towards its start, the head."""
     step = line[:-1] - line[1:]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
-    tangent = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])
+    tangent = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])  # inside, of both neighbours
     return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
 
 
@@ -113,14 +113,13 @@ def _draw_fins(
     """Draw the paired fins into a picture (h, w, 4) and its coverage (h, w), which are changed.
 
     Both are in subpixels. line (65, 2): midline in subpixels, head to tail; length_subpx: of the
-    body; fins: how far the left and right ones are open, 0-1; fin_picture: as in `FishColours.fin`,
-    a paired fin.
+    body; fins: how far the left and right ones are open, 0-1; fin_picture: `FishColours.fin`.
     """
     tangent = _tangents_to_head(line)
     for shape in (PECTORAL, PELVIC):
         place = shape.s * (len(line) - 1)  # on the midline, in its steps
         i = int(place)
-        node = line[i] + (place - i) * (line[i + 1] - line[i])
+        middle = line[i] + (place - i) * (line[i + 1] - line[i])
         forward = tangent[i]
         root_offset = float(half_width(np.array([shape.s]))[0]) * shape.root_share * length_subpx
         for sign, opening in ((1, fins[0]), (-1, fins[1])):  # the left fin, the right one
@@ -133,7 +132,7 @@ def _draw_fins(
                 fin_length = shape.length * length_subpx
                 _paint_fin(
                     picture, coverage, fin_picture,
-                    root=node + outwards * root_offset,
+                    root=middle + outwards * root_offset,
                     along=along * fin_length,
                     half_breadth=towards_edge * fin_length * shape.breadth * spread,
                 )  # fmt: skip
@@ -142,8 +141,9 @@ def _draw_fins(
 class _BodyPixels(NamedTuple):
     """The n subpixels of a picture that the body covers, (n,) each.
 
-    flat_index: in the flattened picture; s, v: body coordinates; left_x: x of the unit vector to
-    the fish's left; coverage: covered share of the subpixel; squared_width: of the half width at s.
+    flat_index: in the flattened picture; s: place along the body, 0 snout, 1 tail end; v: distance
+    from the midline, body lengths, + to the left; left_x: x of the unit vector to the fish's left;
+    coverage: covered share of the subpixel; squared_width: half width of the body at s, squared.
     """
 
     flat_index: NDArray[np.intp]
@@ -157,10 +157,10 @@ class _BodyPixels(NamedTuple):
 def _find_pixels_near_midline(
     line: Floats, rows: int, columns: int, length_subpx: float
 ) -> tuple[NDArray[np.intp], Image]:
-    """Return the subpixels of a picture (rows, columns) that the body about a midline may cover.
+    """Return the n subpixels of a picture (rows, columns) that the body about a midline may cover.
 
-    The results (n,) are their index in the flattened picture, and the nearest place on the midline
-    (0 at the head, k − 1 at the tail end), to about a pixel. line (k, 2): midline in subpixels;
+    The results (n,) are the index in the flattened picture, and the nearest place on the midline (0
+    at the head, k − 1 at the tail end), to about a subpixel. line (k, 2): midline in subpixels;
     length_subpx: of the body.
     """
     last = len(line) - 1
@@ -190,42 +190,50 @@ def _find_pixels_near_midline(
 def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float) -> _BodyPixels:
     """Return the subpixels of a picture (rows, columns) that the body about a midline covers.
 
-    They come with their places in body coordinates: s along the midline, 0 snout, 1 tail end; v to
-    its left, body lengths. line (k, 2): midline in subpixels; length_subpx: of the body.
+    line (k, 2): midline in subpixels, head to tail; length_subpx: of the body.
     """
     last = len(line) - 1
     index, midline_place = _find_pixels_near_midline(line, rows, columns, length_subpx)
     py, px = (number.astype(np.float32) for number in np.divmod(index, columns))
-    # Place and tangent at each midline point; `slope` is their change from point to point.
-    node = np.hstack([line, _tangents_to_head(line)]).astype(np.float32)
+    # x, y and the tangent's x, y at each midline point, and their change from point to point.
+    nodes = np.hstack([line, _tangents_to_head(line)]).astype(np.float32)
+    changes = np.diff(nodes, axis=0)
     step_length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
-    slope = np.diff(node, axis=0)
     # Three fixed-point steps move each place to the foot of the perpendicular from its pixel.
     for _ in range(3):
         i = np.clip(midline_place.astype(np.int32), 0, last - 1)
-        share = midline_place - i
-        start, change = node[i], slope[i]
+        share = midline_place - i  # outside 0-1 beyond the midline's ends
+        node, change = nodes[i], changes[i]
         inner = np.clip(share, 0, 1)
-        tx, ty = start[:, 2] + inner * change[:, 2], start[:, 3] + inner * change[:, 3]
-        dx = px - start[:, 0] - share * change[:, 0]
-        dy = py - start[:, 1] - share * change[:, 1]
+        tx, ty = node[:, 2] + inner * change[:, 2], node[:, 3] + inner * change[:, 3]
+        dx = px - node[:, 0] - share * change[:, 0]
+        dy = py - node[:, 1] - share * change[:, 1]
         # The tangent points to the head, so a pixel ahead of the place lies at a smaller one.
         along = dx * tx + dy * ty
         midline_place = np.clip(midline_place - along / step_length, -3, last + 3)
     v = dx * ty - dy * tx  # the left of the tangent (tx, ty) is (ty, -tx), as y points down
     s, v = midline_place / np.float32(last), v / np.float32(length_subpx)
-    grid, squared, squared_slope = width_table()
-    squared_width = np.interp(s, grid, squared).astype(np.float32)
-    slope_there = np.interp(s, grid, squared_slope).astype(np.float32)
-    # Distance to the outline w² - v² = 0, + inside, to first order: the value over its gradient.
-    gradient = np.sqrt(slope_there * slope_there + 4 * v * v + 1e-12)
-    edge_distance = (squared_width - v * v) / gradient
-    coverage = np.clip(edge_distance * np.float32(length_subpx) + 0.5, 0, 1)
+    squared_width, coverage = _body_coverage(s, v, length_subpx)
     keep = coverage > 0
     return _BodyPixels(
         index[keep], s[keep], v[keep], left_x=ty[keep], coverage=coverage[keep],
         squared_width=squared_width[keep],
     )  # fmt: skip
+
+
+def _body_coverage(s: Image, v: Image, length_subpx: float) -> tuple[Image, Image]:
+    """Return the squared half width (n,) of the body at s, and the covered share of each subpixel.
+
+    s, v (n,): body coordinates of the subpixels; length_subpx: of the body. Widths are in body
+    lengths.
+    """
+    grid, squared, squared_slope = width_table()
+    squared_width = np.interp(s, grid, squared).astype(np.float32)
+    slope = np.interp(s, grid, squared_slope).astype(np.float32)
+    # Distance to the outline w² - v² = 0, + inside, to first order: the value over its gradient.
+    gradient = np.sqrt(slope * slope + 4 * v * v + 1e-12)
+    edge_distance = (squared_width - v * v) / gradient
+    return squared_width, np.clip(edge_distance * np.float32(length_subpx) + 0.5, 0, 1)
 
 
 def _shade_body(body: _BodyPixels, skin: Image) -> Image:

@@ -6,7 +6,7 @@ is anticlockwise as seen on screen.
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -34,30 +34,40 @@ NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offset
 def is_tank_large_enough(params: CarpFilm) -> bool:
     """Return whether the tank has room for all fish.
 
-    Several fish need 2.2 × 2.2 body lengths each, and mass centres 1.2 × 1.2 to move in.
+    The rectangle in which mass centres may be is at least 1.2 × 1.2 body lengths. Of several fish,
+    each needs an area of 2.2 × 2.2 body lengths of the tank.
     """
     x0, y0, x1, y1 = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
-    wide, high = x1 - x0, y1 - y0  # of the places of mass centres; bodies reach 0.7 beyond them
+    wide, high = x1 - x0, y1 - y0  # of that rectangle; bodies reach 0.7 beyond it
     if wide < 1.2 or high < 1.2:
         return False
     return params.fish == 1 or params.fish <= (wide + 1.4) * (high + 1.4) / 2.2**2
 
 
-def _random_generators(seed: int) -> list[np.random.Generator]:
-    """Return independent random generators for motion, floor, skin, noise and light."""
-    return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
+class _RandomGenerators(NamedTuple):
+    """Independent random generators, one for each thing that is random in a film."""
+
+    motion: np.random.Generator
+    floor: np.random.Generator
+    skin: np.random.Generator
+    noise: np.random.Generator
+    light: np.random.Generator
+
+
+def _random_generators(seed: int) -> _RandomGenerators:
+    """Return new random generators from a seed."""
+    return _RandomGenerators(*map(np.random.default_rng, np.random.SeedSequence(seed).spawn(5)))
 
 
 def carp_motion(params: CarpFilm) -> CarpMotion:
     """Return the poses of all fish in all frames of the film, about 80 bytes a fish and frame."""
-    room = allowed_rectangle(params.width_px, params.height_px, params.body_length_px)
     return simulate_swimming(
         params.frames,
         params.fish,
-        room,
+        allowed_rectangle(params.width_px, params.height_px, params.body_length_px),
         params.frame_rate_hz,
         fins=params.fins_open_ratio,
-        rng=_random_generators(params.seed)[0],
+        rng=_random_generators(params.seed).motion,
     )
 
 
@@ -79,22 +89,21 @@ def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
 @lru_cache(maxsize=2)  # painting takes as long as drawing some dozen frames
 def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
     """Return the colours of `fish` fish from a seed, with skin pictures `columns` px wide."""
-    _motion, _floor, skins, _noise, light = _random_generators(seed)
-    first_coat = int(light.integers(4))  # there are four coats, taken in turn
+    random = _random_generators(seed)
+    first_coat = int(random.light.integers(4))  # there are four coats, taken in turn
     return tuple(
-        paint_fish(rng, columns, first_coat + i) for i, rng in enumerate(skins.spawn(fish))
+        paint_fish(rng, columns, first_coat + i) for i, rng in enumerate(random.skin.spawn(fish))
     )
 
 
 def light_levels(params: CarpFilm) -> Floats:
     """Return the brightness of the light in every frame, (frames,): 1 ± `light_drift`."""
     # The generator's first number chooses the colours of the fish, so three others are used.
-    phase = _random_generators(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
-    time_s = np.arange(params.frames) / params.frame_rate_hz
-    # Three slow waves whose periods, 41, 17 and 6.1 s, do not repeat together.
-    variation = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
-    variation += 0.28 * np.sin(2 * np.pi * time_s / 17.0 + phase[1])
-    variation += 0.10 * np.sin(2 * np.pi * time_s / 6.1 + phase[2])
+    phases = _random_generators(params.seed).light.uniform(0, 2 * np.pi, 4)[1:]
+    time_s, variation = np.arange(params.frames) / params.frame_rate_hz, np.zeros(params.frames)
+    # Three slow waves whose periods do not repeat together.
+    for share, period_s, phase in zip((0.62, 0.28, 0.10), (41.0, 17.0, 6.1), phases, strict=True):
+        variation += share * np.sin(2 * np.pi * time_s / period_s + phase)
     return 1 + params.light_drift * variation
 
 
@@ -103,7 +112,7 @@ def empty_tank(params: CarpFilm) -> Image:
 
     Grey levels (height, width, 3) RGB, or (height, width, 1) for a grey film.
     """
-    empty = paint_floor(params.width_px, params.height_px, _random_generators(params.seed)[1])
+    empty = paint_floor(params.width_px, params.height_px, _random_generators(params.seed).floor)
     return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
 
 
@@ -137,8 +146,8 @@ def _truth_row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses:
 def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
     """Return sensor noise (h, w, 1 or 3), `NOISE_PAD` px larger than a frame, for random crops.
 
-    Its SD is `noise_grey` grey levels. Colour noise is weaker, as after a camera's denoising, and
-    keeps the grey level.
+    Its SD is `noise_grey` grey levels. A film in colour also has noise of hue, which keeps the grey
+    level and is half as strong, as after a camera's denoising.
     """
     shape = (params.height_px + NOISE_PAD, params.width_px + NOISE_PAD)
     grey = rng.standard_normal(shape, np.float32)
@@ -190,7 +199,7 @@ def film_frames(
     """
     poses = carp_motion(params) if poses is None else poses
     skins, brightness = fish_colours(params), light_levels(params)
-    noise_rng = _random_generators(params.seed)[3]
+    noise_rng = _random_generators(params.seed).noise
     empty = empty_tank(params)
     # How bright the light is at each place, 1 = brightest, also on the fish.
     vignette = cv2.blur(empty.mean(axis=2), (61, 61))

@@ -54,8 +54,8 @@ def midline_of_pose(
 
     x, y: mass centre, body lengths, y down; axis: mean direction towards the head, radians
     anticlockwise; beat: phase of the tail beat, cycles; amplitude: of the beat, 1 = cruising; bend:
-    the C-bend, head against tail, radians, + left; ripple: two small random bends, the
-    largest curvature of each, radians per body length.
+    the C-bend, direction at the head minus at the tail, radians, + left; ripple: the largest
+    curvature of two small random bends, radians per body length.
     Tangents are integrated from curvature, so the line cannot stretch. Then it is moved and turned,
     so the head recoils against the tail as in a fish.
     """
@@ -78,9 +78,9 @@ def midline_of_pose(
 
 
 def midline_bend(line: Floats) -> float:
-    """Return the signed area between a midline and its chord / length², + for a left bend.
+    """Return the signed area between a midline and its chord, as a share of the squared length.
 
-    line (k, 2): head to tail, any unit, y down.
+    line (k, 2): head to tail, any unit, y down. The area is positive for a bend to the left.
     """
     x, y = line[:, 0], line[:, 1]
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
@@ -88,9 +88,9 @@ def midline_bend(line: Floats) -> float:
 
 
 def midline_heading(line: Floats) -> float:
-    """Return the direction from a third of the midline to the head, degrees in (-180, 180].
+    """Return the direction to the head from a third of the way to the tail, degrees (-180, 180].
 
-    line (k, 2): head to tail, y down. 0 is to the right, + anticlockwise on screen.
+    line (k, 2): the midline, head to tail, y down. 0 is to the right, + anticlockwise on screen.
     """
     place = (len(line) - 1) / 3
     i = int(place)

@@ -79,11 +79,11 @@ def simulate_swimming(
     # Steps of equal length in a frame, and a generator for each fish and for the starting places.
     steps = max(1, math.ceil(1 / (frame_rate_hz * STEP_S)))
     dt = 1 / (frame_rate_hz * steps)
-    streams = rng.spawn(fish + 1)
+    *fish_rngs, places_rng = rng.spawn(fish + 1)
     swimmers = []
-    for place, stream in zip(_starting_places(fish, room, streams[-1]), streams[:-1], strict=True):
-        direction = float(stream.uniform(-math.pi, math.pi))
-        swimmers.append(Swimmer(*place, direction, room, fins, stream))
+    for place, fish_rng in zip(_starting_places(fish, room, places_rng), fish_rngs, strict=True):
+        direction = float(fish_rng.uniform(-math.pi, math.pi))
+        swimmers.append(Swimmer(*place, direction, room, fins, fish_rng))
     others = [[other for other in swimmers if other is not swimmer] for swimmer in swimmers]
     scalars = np.zeros((7, frames, fish))  # one layer for each scalar field of `CarpMotion`
     ripple, fin_opening = np.zeros((frames, fish, 2)), np.zeros((frames, fish, 2))
@@ -110,7 +110,8 @@ def _starting_places(
 ) -> list[tuple[float, float]]:
     """Return a starting place (x, y) for each of `fish` fish in a room, in body lengths.
 
-    Each is, of 400 random places, the one farthest from those before.
+    The first is random. Each other is, of 400 random places, the one whose nearest starting place
+    is farthest away.
     """
     places: list[tuple[float, float]] = []
     for _ in range(fish):
@@ -143,13 +144,13 @@ def angle_share_in_turn(tau: float) -> float:
 def _distance_to_edge(x: float, y: float, angle: float, room: Rectangle) -> float:
     """Return the distance from (x, y) along `angle` to the edge of a rectangle, in body lengths.
 
-    angle: radians anticlockwise, y points down. 0 from a place beyond the edge ahead.
+    angle: radians anticlockwise, y points down. It is 0 if the place is outside, beyond that edge.
     """
-    dx, dy = math.cos(angle), -math.sin(angle)
+    x_ahead, y_ahead = math.cos(angle), -math.sin(angle)
     distance = math.inf
-    for place, step, low, high in ((x, dx, room[0], room[2]), (y, dy, room[1], room[3])):
-        if abs(step) > 1e-9:
-            distance = min(distance, ((high if step > 0 else low) - place) / step)
+    for place, ahead, low, high in ((x, x_ahead, room[0], room[2]), (y, y_ahead, room[1], room[3])):
+        if abs(ahead) > 1e-9:
+            distance = min(distance, ((high if ahead > 0 else low) - place) / ahead)
     return max(distance, 0.0)
 
 
@@ -246,8 +247,8 @@ class Swimmer:
     def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
         """Begin another kind of motion if the present one ends, or if a wall or a fish is near.
 
-        others: the other fish; dt: seconds since the last call. Distances [body lengths], shares
-        and times are chosen so that it looks like a calm carp.
+        others: the other fish; dt: seconds since the last call. Distances [body lengths], chances
+        and times are chosen by eye, after a calm carp.
         """
         self.remaining_s -= dt
         self.rest_s -= dt
@@ -299,7 +300,7 @@ class Swimmer:
     def _random_fin_time(self) -> float:
         """Return a random time, s, until the pectoral fins open or close; inf if they never do.
 
-        Open fins close after 1.3 s on average. If they never move, `fins_open` is set for good.
+        If they never do, `fins_open` is set, for good. Open fins close after 1.3 s on average.
         """
         share = self.fins_share
         if share <= 0 or share >= 1:
@@ -312,11 +313,11 @@ class Swimmer:
     def advance(self, others: Sequence["Swimmer"], dt: float) -> None:
         """Advance the fish by `dt` seconds: decide, bend, turn, beat, move; avoid `others`."""
         self._decide(others, dt)
-        axis = self.axis
+        axis_before = self.axis
         is_late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s  # its last part
         self._turn(dt, is_late)
         self._beat_tail(dt, is_late)
-        self._move(self.axis - axis, others, dt)
+        self._move(self.axis - axis_before, others, dt)
         self._move_fins(dt)
 
     def _turn(self, dt: float, is_late: bool) -> None:
@@ -324,7 +325,7 @@ class Swimmer:
 
         is_late: whether the fish is in the last part of a turn.
         """
-        bend, axis = self.bend, self.axis
+        bend_before, axis_before = self.bend, self.axis
         if self.mode == "turn":
             tau = 1 - max(self.remaining_s, 0.0) / self.duration_s
             self.bend = self.peak * bend_in_turn(tau)
@@ -338,7 +339,7 @@ class Swimmer:
             self.drift += dt * -self.drift / 1.2 + math.radians(6.5) * math.sqrt(dt) * noise
             self.axis += self.drift * dt
         # The head turns with the axis, and by about a third of the bend.
-        head_rate = (self.axis - axis + 0.35 * (self.bend - bend)) / dt
+        head_rate = (self.axis - axis_before + 0.35 * (self.bend - bend_before)) / dt
         visible = abs(self.bend) > VISIBLE_BEND or abs(head_rate) > VISIBLE_RATE
         if self.mode == "turn" and visible and not self.turn_over:
             self.swimming_type = int(math.copysign(1, self.angle))
@@ -400,8 +401,8 @@ class Swimmer:
     ) -> tuple[float, float]:
         """Return the velocity (vx, vy) without the part that leads into a near wall or fish.
 
-        vx, vy: body lengths/s, y down. The approach is at most the gap per 0.25 s, so the gap never
-        closes. Turns usually avoid a collision before this limit is reached.
+        vx, vy: body lengths/s, y down. In 0.25 s the approach may use up the gap, so it never
+        closes in a shorter step. Turns usually avoid a collision before this limit is reached.
         """
         x0, y0, x1, y1 = self.room
         hold_s = 0.25
@@ -422,8 +423,8 @@ class Swimmer:
 def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
     """Return how far a fish reaches from its mass centre in a direction, in body lengths.
 
-    ux, uy: unit vector, y down. In a turn it is REACH in every direction, else the reach of a
-    slender hull: the greatest of that of the head, the beating tail and the pectoral fins.
+    ux, uy: unit vector, y down. In a turn it is REACH in every direction. Else it is how far the
+    head, the beating tail or the pectoral fins reach, whichever is farthest.
     """
     if fish.mode == "turn":
         return REACH
@@ -433,10 +434,9 @@ def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
 
 
 def _spare_gap(fish: Swimmer, other: Swimmer, reach: float | None = None) -> float:
-    """Return by how much the gap of two fish exceeds the least allowed, FISH_GAP, in body lengths.
+    """Return by how much the gap between two fish exceeds FISH_GAP, in body lengths; < 0: too near.
 
-    It is negative if they are too near. reach: how far the first reaches towards the
-    other, None = as far as in its present pose.
+    reach: how far the first fish reaches towards the other, None = as far as in its present pose.
     """
     dx, dy = other.x - fish.x, other.y - fish.y
     distance = math.hypot(dx, dy)
@@ -447,10 +447,10 @@ def _spare_gap(fish: Swimmer, other: Swimmer, reach: float | None = None) -> flo
 
 
 def _closest_approach(fish: Swimmer, other: Swimmer, angle: float) -> float:
-    """Return the least distance of two fish within 1.6 s if the first turns by `angle` now.
+    """Return the least distance of two mass centres within 1.6 s if the first fish turns now.
 
-    It is that of their mass centres, body lengths; 9, far enough, if the first does not turn and
-    they part already. angle: radians, + left.
+    angle: of the turn, radians, + left; both then swim straight on. The unit is the body length.
+    Without a turn, fish that already part count as far apart: 9.
     """
     # Place and velocity of the other fish as seen from the first, which counts as no slower than
     # 0.5 BL/s.
@@ -458,8 +458,10 @@ def _closest_approach(fish: Swimmer, other: Swimmer, angle: float) -> float:
     speed = max(fish.speed, 0.5)
     vx = other.speed * math.cos(other.axis) - speed * math.cos(fish.axis + angle)
     vy = -other.speed * math.sin(other.axis) + speed * math.sin(fish.axis + angle)
-    v2 = vx * vx + vy * vy
-    when = 0.0 if v2 < 1e-9 else min(max(-(dx * vx + dy * vy) / v2, 0.0), 1.6)
-    if when == 0.0 and angle == 0.0:
-        return 9.0  # already parting
-    return math.hypot(dx + vx * when, dy + vy * when)
+    squared_speed = vx * vx + vy * vy
+    nearest_s = 0.0
+    if squared_speed >= 1e-9:
+        nearest_s = min(max(-(dx * vx + dy * vy) / squared_speed, 0.0), 1.6)
+    if nearest_s == 0.0 and angle == 0.0:
+        return 9.0
+    return math.hypot(dx + vx * nearest_s, dy + vy * nearest_s)

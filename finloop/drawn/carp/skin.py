@@ -46,7 +46,7 @@ def half_width(s: Floats) -> Floats:
 
 @cache
 def width_table() -> tuple[Floats, Floats, Floats]:
-    """Return a table along the body: s, squared half width, and slope of that; (2048,) each.
+    """Return a table along the body: s, the squared half width, and its slope; (2048,) each.
 
     s runs from −0.05 to 1.05 (0 snout, 1 tail end); outside the body the table is extended
     linearly. Widths are in body lengths; the slope is against s.
@@ -165,17 +165,18 @@ def _paint_patches(places: _BodyPlaces, coat: int, rng: np.random.Generator) -> 
     skin[:] = back
     skin = _tint(skin, flank, _ramp(np.abs(r) + 0.12 * _clouds(r.shape, (30,), rng), 0.35, 0.95))
     body = np.abs(r) < 1
-    field = _clouds(r.shape, (70, 34), rng) + 0.10 * _clouds(r.shape, (5,), rng)
-    level = float(np.quantile(field[body], 0.70))  # patches where the field is higher
+    # Coloured patches on the 30 % of the body where clouds are densest, dark ones on 16 %.
+    clouds = _clouds(r.shape, (70, 34), rng) + 0.10 * _clouds(r.shape, (5,), rng)
+    edge = float(np.quantile(clouds[body], 0.70))
     behind_head = _ramp(s + 0 * v, 0.05, 0.2)
-    skin = _tint(skin, patch, _ramp(field, level - 0.08, level + 0.08) * behind_head * 0.92)
-    field = _clouds(r.shape, (46, 22), rng) + 0.12 * _clouds(r.shape, (5,), rng)
-    level = float(np.quantile(field[body], 0.84))
-    return _tint(skin, dark, _ramp(field, level - 0.09, level + 0.09) * 0.85)
+    skin = _tint(skin, patch, _ramp(clouds, edge - 0.08, edge + 0.08) * behind_head * 0.92)
+    clouds = _clouds(r.shape, (46, 22), rng) + 0.12 * _clouds(r.shape, (5,), rng)
+    edge = float(np.quantile(clouds[body], 0.84))
+    return _tint(skin, dark, _ramp(clouds, edge - 0.09, edge + 0.09) * 0.85)
 
 
 def _scales_light(places: _BodyPlaces) -> Image:
-    """Return the factor on the light of each pixel by scales: staggered arcs behind the head."""
+    """Return by which factor scales change each pixel's light: staggered arcs behind the head."""
     s, v, _ = places
     size = 0.026
     scale_row = np.floor(v / (size * 0.5))
@@ -261,14 +262,13 @@ def _paint_fin_picture(
 
 def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
     """Return the painted empty tank, (height, width, 3) RGB, 0-255: sand, pebbles, light, walls."""
-    # Sand in grey levels, with pebbles; then shares of the light near walls and away from the lamp.
     shape = (height_px, width_px)
     grey = 172 + 5.5 * _clouds(shape, (0.7, 1.3), rng) + 2.6 * _clouds(shape, (5, 9), rng)
     grey += 4.0 * _clouds(shape, (60, 130), rng)
     tint = 0.8 * _clouds(shape, (12, 40), rng)
-    stones = _pebbles(width_px, height_px, rng)
-    grey += stones
+    grey += _pebbles(width_px, height_px, rng)
     picture = np.dstack([grey * 1.035 + tint, grey * 1.0, grey * 0.90 - 1.5 * tint])
+    # Shares of the light near walls and away from the lamp.
     y, x = np.mgrid[:height_px, :width_px].astype(np.float32)
     wall_distance = np.minimum.reduce([x, y, width_px - 1 - x, height_px - 1 - y])
     wall = 1 - 0.42 * np.exp(-((wall_distance / 9.0) ** 2)) - 0.10 * np.exp(-wall_distance / 30.0)
@@ -279,7 +279,7 @@ def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Imag
 
 
 def _pebbles(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """Return pebbles as grey levels to add (h, w): many small, few large, lit from one side."""
+    """Return the grey levels (h, w) that pebbles add: many small, few large, lit from one side."""
     scale = 3  # subpixels per px, for smooth edges
     layer = np.zeros((height_px * scale, width_px * scale), np.float32)
     for _ in range(width_px * height_px // 170):  # one for 170 px²

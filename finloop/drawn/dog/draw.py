@@ -40,7 +40,7 @@ def dog_frames(dog: DogFilm) -> Iterator[Picture]:
     count = int(track_end / 26) + 4  # one for 26 px
     tuft_x, depth = rng.uniform(-40, track_end + 40, count), rng.uniform(0.08, 1, count)
     tufts = np.column_stack([tuft_x, depth, rng.uniform(3, 7, count)])
-    tufts = tufts[np.argsort(tufts[:, 1])]
+    tufts = tufts[np.argsort(depth)]  # the farthest first: nearer ones cover them
     # Hills behind it, one for 130 px: x, height [px].
     steps = np.arange(-1, track_end / 130 + 2)
     hill_x = 130 * steps + rng.uniform(-30, 30, len(steps))
@@ -53,9 +53,9 @@ def dog_frames(dog: DogFilm) -> Iterator[Picture]:
 
 
 def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Picture:
-    """Return a frame without noise: the meadow, the dog's shadow and its parts, far to near.
+    """Return a frame without noise: the meadow, then the dog's shadow and its parts, far to near.
 
-    tufts (k, 3): x px, y as a share of the meadow's depth, size px; hills (m, 2): x and height, px.
+    tufts (k, 3), hills (m, 2): as in `_paint_landscape`.
     """
     picture = np.empty((dog.height_px, dog.width_px, 3), np.uint8)
     origin = body_origins_px(dog)[frame]
@@ -64,8 +64,8 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     phase = float(frame_phases(dog)[frame])
     half_width, half_height = 0.62 * dog.trunk_px, 0.035 * dog.trunk_px
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-    shadow = np.column_stack([half_width * np.cos(angle), half_height * np.sin(angle)])
-    _fill_polygon(picture, origin + shadow, SHADE)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    _fill_polygon(picture, origin + circle * [half_width, half_height], SHADE)
 
     def fill_limb(name: str, colour: tuple[int, int, int]) -> None:
         """Paint a limb of the dog into the picture."""
@@ -83,9 +83,9 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
             _fill_polygon(picture, origin + dog.trunk_px * COLLAR_CORNERS + bob, COLLAR)
     fill_limb("hind_right", NEAR)
     fill_limb("fore_right", NEAR)
-    for place, size in ((EYE, 0.020), (NOSE, 0.030)):
-        ring = size * dog.trunk_px * np.column_stack([np.cos(angle), np.sin(angle)])
-        _fill_polygon(picture, origin + spot_place(dog, phase, place) + ring, INK)
+    for place, radius in ((EYE, 0.020), (NOSE, 0.030)):
+        centre = origin + spot_place(dog, phase, place)
+        _fill_polygon(picture, centre + radius * dog.trunk_px * circle, INK)
     return picture
 
 
@@ -111,7 +111,7 @@ def _paint_landscape(
 
 
 def _fill_polygon(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
-    """Fill a polygon (n, 2) px of a picture with a colour, to 1 / 2^SUBPIXEL of a pixel."""
+    """Fill a polygon (n, 2) px of a picture with a colour; its corners are exact to 1/64 px."""
     nodes = np.rint(points * (1 << SUBPIXEL)).astype(np.int32)
     cv2.fillPoly(picture, [nodes], colour, cv2.LINE_AA, SUBPIXEL)
 
@@ -123,7 +123,7 @@ def limb_masks(picture: Picture) -> dict[str, Mask]:
     the picture has fewer than two pale regions: it is not a frame of this film.
     """
     palette = np.array(PALETTE, np.float32)  # of all parts of the picture, the near limbs first
-    # The squared distance to each colour, less the common term; whole numbers, so exact.
+    # The squared distance to each colour, less the pixel's own square; whole numbers, so exact.
     distance = (palette**2).sum(axis=1) - 2 * picture.astype(np.float32) @ palette.T
     pale = (distance.argmin(axis=2) == 0).astype(np.uint8)
     count, labels, stats, centres = cv2.connectedComponentsWithStats(pale, connectivity=4)

@@ -105,11 +105,11 @@ def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
     The nearer a bone the greater its weight; the weights at a point add up to 1.
     """
     outline, joints = points_on_smooth_curve(shape.outline, n), np.array(shape.joints)
-    bones = np.diff(joints, axis=0)
-    # The nearest point of each bone to each point of the outline: the share of the bone, 0-1.
-    along = np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], bones)
+    upper_ends, bones = joints[:-1], np.diff(joints, axis=0)
+    # The place on each bone that is nearest to each point of the outline, 0 at its upper end.
+    along = np.einsum("nbk,bk->nb", outline[:, None] - upper_ends, bones)
     share = np.clip(along / shape.bone_lengths() ** 2, 0, 1)
-    nearest = joints[:-1] + share[..., None] * bones
+    nearest = upper_ends + share[..., None] * bones
     distance = np.linalg.norm(outline[:, None] - nearest, axis=2) + BLUNT
     weight = distance**-BLEND
     return outline, weight / weight.sum(axis=1, keepdims=True)
@@ -118,12 +118,33 @@ def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
 def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
     """Return outlines (…, n, 2) of a limb whose foot and top are moved from rest.
 
-    foot, top (…, 2): how far both are moved; y is down, the unit the trunk length. The knee (of a
-    fore limb: elbow) follows by two-link inverse kinematics; NaN if the limb does not reach so far.
-    The outline is a smooth function of `foot` and `top` alone.
+    foot, top (…, 2): how far both are moved; y is down, the unit the trunk length. NaN if the limb
+    does not reach so far. The outline is a smooth function of `foot` and `top` alone.
+    """
+    upper_ends, turns = _pose_bones(shape, foot, top)
+    outline, weight = _skin_and_bone_weights(shape, n)
+    # Linear blend skinning, in complex numbers: each bone turns and moves the whole outline, seen
+    # from its upper end (n, 4); a point of the limb is the weighted mean of its four.
+    local = (outline[:, None] - np.array(shape.joints)[:4]) @ [1, 1j]
+    ends = upper_ends @ np.array([1, 1j])
+    points = np.einsum("nb,...nb->...n", weight, local * np.exp(1j * turns)[..., None, :])
+    points = points + ends @ weight.T
+    return np.stack([points.real, points.imag], axis=-1)
+
+
+def _pose_bones(shape: LimbShape, foot: Floats, top: Floats) -> tuple[Floats, Floats]:
+    """Return the upper ends (…, 4, 2) of a limb's bones, and their turns (…, 4) from rest [rad].
+
+    foot, top (…, 2): how far both are moved from rest, in trunk lengths; y is down, so a turn from
+    x to y is clockwise on screen. The foot's motion turns paw and pastern; the knee (of a fore
+    limb: elbow) follows by two-link inverse kinematics, NaN if the limb does not reach so far.
     """
     rest, bones = np.array(shape.joints), shape.bone_lengths()
-    ankle, pastern_turn, paw_turn = _ankle_and_turns(shape, foot)
+    pastern_turn = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
+    paw_turn = -0.6 * shape.lean[1] * foot[..., 1]  # 0.6 of the pastern's turn by lift
+    # From the foot up to the ankle (hock or wrist), as a complex number, turned with the pastern.
+    up = (rest[2] - rest[3]) @ [1, 1j] * np.exp(1j * pastern_turn)
+    ankle = rest[3] + foot + np.stack([up.real, up.imag], axis=-1)
     hip = rest[0] + top
     across = ankle - hip
     distance = np.linalg.norm(across, axis=-1)
@@ -132,34 +153,10 @@ def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats
     # y is down, so a knee in front (+x) of a limb that hangs down is at a smaller angle.
     upper_angle = np.arctan2(across[..., 1], across[..., 0]) - shape.bend * np.arccos(cosine)
     knee = hip + bones[0] * np.stack([np.cos(upper_angle), np.sin(upper_angle)], axis=-1)
-    shin = ankle - knee
-    lower_angle = np.arctan2(shin[..., 1], shin[..., 0])
-    bones_at_rest = np.diff(rest, axis=0)
-    rest_angles = np.arctan2(bones_at_rest[:, 1], bones_at_rest[:, 0])
-    upper_turn, lower_turn = upper_angle - rest_angles[0], lower_angle - rest_angles[1]
-    turns = np.stack([upper_turn, lower_turn, pastern_turn, paw_turn], axis=-1)
+    lower_x, lower_y = np.moveaxis(ankle - knee, -1, 0)
+    lower_angle = np.arctan2(lower_y, lower_x)
+    rest_x, rest_y = np.diff(rest, axis=0).T  # of the bones at rest
+    rest_angle = np.arctan2(rest_y, rest_x)
+    turns = [upper_angle - rest_angle[0], lower_angle - rest_angle[1], pastern_turn, paw_turn]
     upper_ends = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
-    outline, weight = _skin_and_bone_weights(shape, n)
-    # As complex numbers: the outline seen from the upper end of each bone (n, 4), and these ends
-    # (…, 4). Linear blend skinning: each bone turns and moves the whole outline; a
-    # point of the limb is the weighted mean of its four.
-    local = (outline[:, None] - rest[:4]) @ [1, 1j]
-    ends = upper_ends @ np.array([1, 1j])
-    points = np.einsum("nb,...nb->...n", weight, local * np.exp(1j * turns)[..., None, :])
-    points = points + ends @ weight.T
-    return np.stack([points.real, points.imag], axis=-1)
-
-
-def _ankle_and_turns(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the place (…, 2) of hock or wrist, and the turns (…,) of pastern and paw [rad].
-
-    foot (…, 2): how far the foot is moved from rest, in trunk lengths; y is down, so a turn from x
-    to y is clockwise on screen.
-    """
-    rest = np.array(shape.joints)
-    pastern_turn = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
-    paw_turn = -0.6 * shape.lean[1] * foot[..., 1]  # 0.6 of the pastern's turn by lift
-    # From the foot up to the hock or wrist, as a complex number, turned with the pastern.
-    up = (rest[2] - rest[3]) @ [1, 1j] * np.exp(1j * pastern_turn)
-    ankle = rest[3] + foot + np.stack([up.real, up.imag], axis=-1)
-    return ankle, pastern_turn, paw_turn
+    return upper_ends, np.stack(turns, axis=-1)

@@ -103,7 +103,7 @@ def half_cycle_progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
 
 
 def foot_displacements(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return a foot's displacement (…, 2) from rest at phases (…), in trunks; up is negative.
+    """Return a foot's displacement (…, 2) from rest at phases (…), in trunks; y is down.
 
     name: of the limb, one of NAMES. The displacement is relative to the body, which moves on
     steadily. A swinging foot follows a rounded triangle.
@@ -143,16 +143,17 @@ def part_contour(
 
 
 def spot_place(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
-    """Return the place (2,) px of EYE or NOSE (`place`) relative to the body, at a phase."""
+    """Return where EYE or NOSE (`place`) is at a phase, relative to the body, (2,) px."""
     turned = _rotate_part(HEAD, np.array(place), phase)
     return dog.trunk_px * (turned + body_displacements(dog, np.array(phase)))
 
 
 def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
-    """Return points (n, 2) of a part of the dog, turned about the neck or the root of the tail.
+    """Return points (n, 2) of a part of the dog, in trunks, turned as the part is at a phase.
 
-    nodes: the part, one of BODY, HEAD, EAR, TAIL; phase: of the gait, in cycles. The body stays.
-    Angles are radians, drawn by eye: the head nods twice a cycle, the tail wags once.
+    nodes: the part. HEAD and EAR turn about the neck, TAIL about its root, BODY stays; phase: of
+    the gait, in cycles. Angles are radians, chosen by eye: the head nods twice a cycle, the tail
+    wags once.
     """
     if nodes in (HEAD, EAR):
         root, angle = NECK, 0.035 * np.cos(4 * np.pi * phase - 0.8)
