@@ -80,9 +80,8 @@ def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
     for _ in range(10):
         pixels = rough_picture(rng, *rng.integers(5, 30, 2), channels)
         alone = FishOnlyPainter(60, 80, channels - 1)
-        box = alone.show(
-            PlacedFish(30.0, 20.0, TurnedPicture(pad_picture(pixels, 10.0, 8.0)), None, 0.0)
-        )
+        one = TurnedPicture(pad_picture(pixels, 10.0, 8.0))
+        box = alone.show(PlacedFish(30.0, 20.0, one, None, 0.0))
         where = np.s_[12 - box.top :, 20 - box.left :]
         found = alone.cut_box(box)[where][: pixels.shape[0], : pixels.shape[1]]
         colours = pixels[..., :-1].repeat(3 if channels == 2 else 1, axis=2)
@@ -94,9 +93,8 @@ def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
     tank = np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, channels - 1), np.uint8)
     alone, painter = FishOnlyPainter(HEIGHT, WIDTH, channels - 1), Painter(tank)
     crop = box_of_all_fish(journey(channels), alone)
-    for fish, frame in zip(
-        journey(channels), cut_out_fish(journey(channels), alone, crop), strict=True
-    ):
+    frames = cut_out_fish(journey(channels), alone, crop)
+    for fish, frame in zip(journey(channels), frames, strict=True):
         painter.show(*fish)
         alpha = frame[..., 3:] / 255
         faint = frame[..., 3:] * (frame[..., 3:] < 16)  # their colour is their neighbours'
@@ -231,12 +229,9 @@ def test_a_webm_comes_back_with_its_alpha(tmp_path, shape):
         assert not alpha[shape[0] :].any() and not alpha[:, shape[1] :].any()
         fish = frame[..., 3] > 200
         assert np.abs(rgb[: shape[0], : shape[1]][fish].astype(int) - (120, 60, 200)).max() <= 6
-
-
-def test_grey_stays_grey_in_a_webm(tmp_path):
-    writer = WebmWriter(tmp_path / "a.webm", (46, 72, 4), RATE, 8)
-    write_frames(writer, clip((46, 72), 2, (90, 90, 90)))
-    for _, rgb, alpha in decode_webm(tmp_path / "a.webm"):
+    grey = WebmWriter(tmp_path / "grey.webm", (46, 72, 4), RATE, 8)  # which stays grey
+    write_frames(grey, clip((46, 72), 2, (90, 90, 90)))
+    for _, rgb, alpha in decode_webm(tmp_path / "grey.webm"):
         assert np.ptp(rgb[alpha > 100], axis=1).max() == 0
 
 
@@ -304,11 +299,8 @@ def test_points_lie_from_head_to_tail_at_equal_distances(body_points):
 
 def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
     tables = straight_tracks({1: 3, 2: 9, 3: 5, 4: 7})
-    assert keypoints_of_tracks(*tables, 20, 1, 4, 9).individuals == (
-        "track_2",
-        "track_3",
-        "track_4",
-    )
+    every = keypoints_of_tracks(*tables, 20, 1, 4, 9).individuals
+    assert every == ("track_2", "track_3", "track_4")
     few = keypoints_of_tracks(*tables, 20, 1, 4, 2)
     assert few.individuals == ("track_2", "track_4") and len(few.frame) == 16
     assert keypoints_of_tracks(*tables, 20, 1, 10, 9).individuals == ("track_2",)
@@ -337,10 +329,9 @@ def some_poses():
 def assert_holds_poses(dataset, given, individuals):
     """Whether a dataset of movement holds these poses and nothing else."""
     position = dataset.position.transpose("time", "individuals", "keypoints", "space")
-    assert [str(name) for name in dataset.individuals.values] == [
-        given.individuals[k] for k in individuals
-    ]
-    assert [str(name) for name in dataset.keypoints.values] == list(given.keypoints)
+    names = [given.individuals[k] for k in individuals]
+    assert list(map(str, dataset.individuals.values)) == names
+    assert list(map(str, dataset.keypoints.values)) == list(given.keypoints)
     assert list(dataset.space.values) == ["x", "y"]
     np.testing.assert_allclose(dataset.time, np.arange(8) / float(RATE), atol=1e-6)
     rows = np.isin(given.individual, individuals)
@@ -469,9 +460,8 @@ def folder(tmp_path, monkeypatch):
         orientation=1, orientations=ORIENTATIONS, swimming_type=0, body_length_px=20.0,
     )  # fmt: skip
     save_table(data / "features/features.parquet", features, FEATURES)
-    told = pd.DataFrame(
-        {"track_id": [5], "identity": 0, "after_track": -1, "gap_frames": 0, "probability": 1.0}
-    )
+    told = {"track_id": [5], "identity": 0, "after_track": -1, "gap_frames": 0, "probability": 1.0}
+    told = pd.DataFrame(told)
     save_table(data / "identity/identities.parquet", told, IDENTITIES)
     sprites = sprite_table()
     save_table(data / "sprites/sprites.parquet", sprites, SPRITES)

@@ -45,9 +45,8 @@ def pull_of(*others, zones=ZONES):
     """What a fish at 0 that heads to the right is wished by others: place, heading in degrees."""
     places = np.array([place for place, _ in others], complex)
     headings = np.exp(1j * np.radians([heading for _, heading in others]))
-    return complex(
-        pull_of_others(neighbours_among(np.array(0j), np.array(1 + 0j), places, headings), zones)
-    )
+    seen = neighbours_among(np.array(0j), np.array(1 + 0j), places, headings)
+    return complex(pull_of_others(seen, zones))
 
 
 # --- zones
@@ -79,6 +78,8 @@ def test_each_zone_wishes_what_it_is_called():
     assert pull_of((5j, 17.0)) == pytest.approx(0.4j)  # attracted: towards it, however it heads
     assert pull_of((2 + 0j, 90.0), (5j, 17.0)) == pytest.approx(1.1j)
     assert pull_of((9j, 0.0)) == 0  # beyond all zones
+    assert ZONES.widths == (1, 2, 5)
+    assert Zones(2.0, 1.0, 3.0, 0.0, 1.0, 1.0, 1.0).widths == (2, 0, 1)
     # A zone pulls no more the more fish are in it.
     assert pull_of((5j, 0.0), (6j, 0.0)) == pytest.approx(pull_of((5j, 0.0)))
     assert pull_of((5j, 0.0), (-5j, 0.0)) == pytest.approx(0)
@@ -118,11 +119,6 @@ def test_a_pull_is_a_sum_that_no_blas_rounds(monkeypatch):
     assert pull_of_others(seen, ZONES) == pytest.approx(wanted)
 
 
-def test_zones_have_widths():
-    assert ZONES.widths == (1, 2, 5)
-    assert Zones(2.0, 1.0, 3.0, 0.0, 1.0, 1.0, 1.0).widths == (2, 0, 1)
-
-
 @pytest.mark.parametrize(
     "bad", [{"repulsion": -1.0}, {"blind_deg": 400.0}, {"attraction_weight": np.nan}]
 )
@@ -160,10 +156,8 @@ def test_contradictory_leaders_are_refused(pairs, named):
 
 def test_who_would_close_a_circle_is_told():
     assert describe_contradiction({2: 1}, 3, 2) is None
-    assert (
-        describe_contradiction({2: 1, 3: 2}, 1, 3)
-        == "fish 1 follows fish 3 follows fish 2 follows fish 1"
-    )
+    circle = "fish 1 follows fish 3 follows fish 2 follows fish 1"
+    assert describe_contradiction({2: 1, 3: 2}, 1, 3) == circle
     assert describe_contradiction({2: 1}, 2, 3) is None  # it changes its leader
 
 
@@ -229,6 +223,9 @@ def test_a_place_beside_a_wall_is_in_the_tank_if_a_step_is():
 # --- measures
 
 
+NEIGHBOURS = ["neighbour_distance", "alignment_deg", "inter_fish_deg", "polarisation"]
+
+
 def table(places, headings, frame=None):
     frame = np.zeros(len(places), int) if frame is None else np.array(frame)
     return measure_group(frame, np.array(places, float), np.array(headings, float), OPEN)
@@ -251,11 +248,7 @@ def test_who_is_alone_has_a_wall_and_no_neighbour(tmp_path):
     made = table([(100, 100), (140, 100), (60, 100)], [0, 0, 0], [0, 0, 1])
     save_table(tmp_path / "shoal.parquet", made, SHOAL)
     alone = load_table(tmp_path / "shoal.parquet", SHOAL).iloc[2]
-    assert (
-        alone[["neighbour_distance", "alignment_deg", "inter_fish_deg", "polarisation"]]
-        .isna()
-        .all()
-    )
+    assert alone[NEIGHBOURS].isna().all()
     assert alone["wall_distance"] > 0
 
 
@@ -266,7 +259,7 @@ def test_measures_of_company_do_not_know_where_the_tank_lies(seed, angle):
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     turned = (places - 200) @ np.array([[c, -s], [s, c]]) + 200  # y down: anticlockwise on screen
     one_, other = table(places, headings), table(turned, headings + angle)
-    for name in ("neighbour_distance", "alignment_deg", "inter_fish_deg", "polarisation"):
+    for name in NEIGHBOURS:
         assert other[name].to_numpy() == pytest.approx(one_[name].to_numpy(), abs=1e-3)
 
 
@@ -310,11 +303,8 @@ def test_a_wall_is_away_from_where_it_is():
     assert place == pytest.approx([1 - 5j]) and heading == pytest.approx([1j])
     walls = Walls(np.ones((200, 400), bool), PX)
     up, ahead = np.array([10 - 1j]), np.array([1 + 0j])
-    assert np.angle(walls.vectors_from_wall(place, ahead)[0]) == pytest.approx(
-        0, abs=0.01
-    )  # it is behind
-    assert np.angle(walls.vectors_from_wall(up, ahead)[0]) == pytest.approx(-np.pi / 2, abs=0.01)
-    assert abs(walls.vectors_from_wall(place, ahead)[0]) == pytest.approx(
-        1 / (1 + 21 / PX), rel=0.01
-    )
+    behind, above = (walls.vectors_from_wall(one, ahead)[0] for one in (place, up))
+    assert np.angle(behind) == pytest.approx(0, abs=0.01)
+    assert np.angle(above) == pytest.approx(-np.pi / 2, abs=0.01)
+    assert abs(behind) == pytest.approx(1 / (1 + 21 / PX), rel=0.01)
     assert walls.is_inside(np.array([1 - 5j, -1 - 5j, 1 - 50j])).tolist() == [True, False, False]
