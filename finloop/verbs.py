@@ -381,7 +381,8 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         tracks.background, reel if shows_sprites else Reel(reel.features, reel.film),
         FilmOutlines.from_rows(outline_px, reel.features), poses, similar.facts, similar.steps,
     )  # fmt: skip
-    assets, common = prepare_mode_assets(film_data, p["animate"]), p["animate"]
+    common = p["animate"]
+    assets = prepare_mode_assets(film_data, common)
     animator: Animator
     if mode == "loops":
         animator = loops_animator(assets, loops, common, p["loops"])
@@ -390,8 +391,9 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         if mode == "network":
             animator = network_animator(assets, network, common, p["network"])
         else:
-            own = p["loops"], p["hybrid"]
-            animator = hybrid_animator(assets, network, loops, gateways, common, *own)
+            animator = hybrid_animator(
+                assets, network, loops, gateways, common, p["loops"], p["hybrid"]
+            )
     else:
         lines = load_path_lines(p["matching"], reel.features)
         matching_data = MatchingData(

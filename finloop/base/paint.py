@@ -54,20 +54,19 @@ def parse_style(style: str, side: float) -> Paint:
     A style with neither fill nor stroke gives a black line of width `side` / 200; side: the longer
     side of the drawing. FinloopError if a colour or number cannot be read.
     """
+    values = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
+    values = {key.strip(): value.strip() for key, value in values.items()}
 
     def parse_colour(key: str) -> Colour | None:
         """Return the colour of the key `fill` or `stroke`; None if it is none or missing."""
         text = values.get(key, "none")
         return None if text == "none" else ImageColor.getrgb(text)[:3]
 
-    values = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
-    values = {key.strip(): value.strip() for key, value in values.items()}
     try:
         fill, stroke = parse_colour("fill"), parse_colour("stroke")
         if fill is None and stroke is None:
-            return Paint(
-                fill=None, stroke=(0, 0, 0), fill_opacity=1.0, stroke_opacity=1.0, width=side / 200
-            )
+            black = 0, 0, 0
+            return Paint(None, black, fill_opacity=1.0, stroke_opacity=1.0, width=side / 200)
         numbers = ("fill-opacity", "stroke-opacity", "stroke-width")
         return Paint(fill, stroke, *(float(values.get(key, 1)) for key in numbers))
     except ValueError as error:
@@ -119,17 +118,13 @@ def paint_layers(
 
 
 def _paint_colour(
-    picture: NDArray[np.float32],
-    contours: list[Points],
-    closed: tuple[bool, ...],
-    colour: Colour,
-    opacity: float,
-    width_px: float | None,
-) -> None:
+    picture: NDArray[np.float32], contours: list[Points], closed: tuple[bool, ...],
+    colour: Colour, opacity: float, width_px: float | None,
+) -> None:  # fmt: skip
     """Paint contours in one colour onto a picture: their area, or lines along them.
 
     picture (h, w, 3): is changed in place. contours: (n, 2) px of the picture. closed: whether each
-    contour is closed. opacity: 0 … 1. width_px: width of the lines; None paints the area.
+    contour is closed, for lines. opacity: 0 … 1. width_px: of the lines; None paints the area.
     """
     picture_size = picture.shape[1::-1]  # width, height
     margin = 1 if width_px is None else width_px / 2 + 1
@@ -140,7 +135,7 @@ def _paint_colour(
         return  # outside the picture
     # Paint a mask with FINE² pixels for each pixel; averaging them gives smooth edges.
     mask = np.zeros(tuple((high - low)[::-1] * FINE), np.uint8)
-    # OpenCV counts from the middle of the first pixel.
+    # In mask pixels, counted from the middle of the first, as whole numbers: so OpenCV wants them.
     fine = [(contour - low) * FINE - 0.5 for contour in contours]
     lines = [np.round(contour * 2**_SHIFT).astype(np.int32) for contour in fine]
     if width_px is None:

@@ -91,7 +91,10 @@ class Processes:
 
     @contextmanager
     def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
-        """Start the processes; yield a function that submits one item and returns its future."""
+        """Start the processes; yield a function that submits one item and returns its future.
+
+        When the block ends, items that no process has begun are cancelled.
+        """
         start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
         with ProcessPoolExecutor(self.count, start, _set_up_worker) as pool, ExitStack() as stack:
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
@@ -141,7 +144,10 @@ class Threads:
 
     @contextmanager
     def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
-        """Start the threads; yield a function that submits one item and returns its future."""
+        """Start the threads; yield a function that submits one item and returns its future.
+
+        When the block ends, items that no thread has begun are cancelled.
+        """
         with ThreadPoolExecutor(self.count) as pool, ExitStack() as stack:
             stack.callback(cv2.setNumThreads, cv2.getNumThreads())
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
@@ -175,7 +181,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
                 while todo and len(pending) < workers.count + 1:
                     pending.append(todo.popleft())
                 try:
-                    results += [submit(pending[k]) for k in range(len(results), len(pending))]
+                    results += map(submit, list(pending)[len(results) :])
                     result = results[0].result()
                 except BrokenProcessPool as error:
                     killed += 1

@@ -51,13 +51,12 @@ def iterate_blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floa
 
 
 def poses_from_arrays(
-    individuals: tuple[str, ...],
-    keypoints: tuple[str, ...],
-    frame: NDArray[np.integer],
-    places: Floats,
-    confidence: Floats | None = None,
-) -> Poses:
-    """Convert arrays with a cell for every animal and frame to `Poses`; leave out empty cells.
+    individuals: tuple[str, ...], keypoints: tuple[str, ...], frame: NDArray[np.integer],
+    places: Floats, confidence: Floats | None = None,
+) -> Poses:  # fmt: skip
+    """Convert arrays with a cell for every animal and frame to `Poses`.
+
+    Animals are left out of the frames in which none of their points is known.
 
     frame (times,): numbers of the frames, all different. places (times, individuals, keypoints, 2):
     px, infinite or NaN where missing. confidence (times, individuals, keypoints): 0 … 1, None =
@@ -66,15 +65,17 @@ def poses_from_arrays(
     by_frame = np.argsort(frame, kind="stable")
     frame, places = np.asarray(frame, np.int64)[by_frame], places[by_frame]
     is_known: Mask = np.all(np.isfinite(places), axis=-1)
-    time, individual = np.nonzero(is_known.any(-1))
+    time, individual = np.nonzero(is_known.any(-1))  # of each row of the result
+    is_known = is_known[time, individual]
+    if confidence is None:
+        row_confidence = np.full(is_known.shape, np.nan)
+    else:
+        row_confidence = confidence[by_frame][time, individual].astype(float)
     return Poses(
-        individuals,
-        keypoints,
+        individuals, keypoints,
         frames=int(frame.max()) + 1 if len(frame) else 0,
         individual=individual.astype(np.int64),
         frame=frame[time],
-        places=np.where(is_known[time, individual][..., None], places[time, individual], np.nan),
-        confidence=np.full(is_known[time, individual].shape, np.nan)
-        if confidence is None
-        else confidence[by_frame][time, individual].astype(float),
-    )
+        places=np.where(is_known[..., None], places[time, individual], np.nan),
+        confidence=row_confidence,
+    )  # fmt: skip

@@ -78,37 +78,20 @@ GONE = {
     **dict.fromkeys(
         ("stay", "chance", "follow_most", "arrived", "jerk", "patience"), "matching does without it"
     ),
-    **{
-        old: f"it is matching.{new} now"
-        for old, new in (
-            ("rare", "rarity_weight"),
-            ("again", "repeat_cost"),
-            ("free", "choice_noise"),
-            ("brisk", "expected_speed_quantile"),
-            ("seam", "discontinuity_cost"),
-            ("tempo", "lag_cost"),
-            ("path_share", "path_max_correction_ratio"),
-            ("path_across", "path_offset_cost"),
-            ("path_late", "path_late_cost"),
-            ("path_beam", "beam"),
-            ("path_stride", "search_step_deltas"),
-            ("path_again", "repeat_cost"),
-            ("path_ahead", "look_ahead_deltas"),
-        )
-    },
-    **{
-        old: f"it is a constant now, MatchingSettings.{new}"
-        for old, new in (
-            ("brisk_least", "expected_speed_least"),
-            ("memory", "repeat_memory"),
-            ("path_reach", "path_steer_ahead"),
-            ("path_effort", "path_correction_cost"),
-            ("path_pace", "path_lag_cost"),
-            ("path_heading", "path_heading_cost"),
-            ("path_plan", "path_commit"),
-        )
-    },
-}
+    **{old: f"it is matching.{new} now" for old, new in {
+        "rare": "rarity_weight", "again": "repeat_cost", "free": "choice_noise",
+        "brisk": "expected_speed_quantile", "seam": "discontinuity_cost", "tempo": "lag_cost",
+        "path_share": "path_max_correction_ratio", "path_across": "path_offset_cost",
+        "path_late": "path_late_cost", "path_beam": "beam", "path_stride": "search_step_deltas",
+        "path_again": "repeat_cost", "path_ahead": "look_ahead_deltas",
+    }.items()},
+    **{old: f"it is a constant now, MatchingSettings.{new}" for old, new in {
+        "brisk_least": "expected_speed_least", "memory": "repeat_memory",
+        "path_reach": "path_steer_ahead", "path_effort": "path_correction_cost",
+        "path_pace": "path_lag_cost", "path_heading": "path_heading_cost",
+        "path_plan": "path_commit",
+    }.items()},
+}  # fmt: skip
 """Parameters that these groups no longer have under any name, and what stands in their place."""
 RENAMED = {"nn": "network"}
 """Values that have another name now."""
@@ -236,9 +219,9 @@ def _strict_check(declared: type) -> TypeAdapter[Any]:
 
 
 def _describe_problems(group: _Group, problems: list[dict[str, Any]]) -> list[str]:
-    """Return sentences on what pydantic found in one parameter, with what to type instead.
+    """Return sentences on one parameter's problems, or on the group's, with what to type instead.
 
-    problems: pydantic's reports on one parameter, or on the group as a whole.
+    problems: pydantic's reports on one parameter, or on the group as a whole (`loc` is empty).
     """
     from finloop.base.parameter_help import range_text  # which imports this module
 
@@ -321,9 +304,9 @@ def full_names(key: str, words: tuple[str, ...]) -> str:
     """
     found = dict[str, None]()  # a set that keeps its order
     for word in words:
-        for option in variants(word).values():
-            name = getattr(option, "RENAMED", {}).get(key, key)
-            if any(name == field.name for field in fields(option)):
+        for declared in variants(word).values():
+            name = getattr(declared, "RENAMED", {}).get(key, key)
+            if any(name == field.name for field in fields(declared)):
                 found[f"{word}.{name}"] = None
     *first, last = found or [""]
     return f"{', '.join(first)} or {last}" if first else last

@@ -43,7 +43,7 @@ def longest_repeated_run(numbers: NDArray[np.integer]) -> int:
         if len(numbers) - lag <= longest:
             break
         is_repeated = np.concatenate([[False], numbers[lag:] == numbers[:-lag], [False]])
-        edges = np.flatnonzero(is_repeated[1:] != is_repeated[:-1])
+        edges = np.flatnonzero(np.diff(is_repeated))  # where runs begin and end, in turn
         if edges.size:
             run_length = int((edges[1::2] - edges[::2]).max())
             longest = max(longest, min(lag, run_length))  # beyond `lag` both would overlap

@@ -239,12 +239,13 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     # Both formats need even sides.
     height, width = (2 * max(1, round(side * scale / 2)) for side in (morph.height, morph.width))
     shape = height, width, 3
-    # A writer makes its file only when `with` opens it.
-    film: FilmWriter = WebpWriter(path, shape, frame_rate, width, QUALITY)
+    film: FilmWriter
     if path.suffix.lower() == ".mp4":
         film = Mp4Writer(path, shape, frame_rate, CRF)
+    else:
+        film = WebpWriter(path, shape, frame_rate, width, QUALITY)
     with film:
-        for picture in _paint_frames(morph, shape[:2], scale):
+        for picture in _paint_frames(morph, (height, width), scale):
             film.write(picture)
 
 

@@ -222,12 +222,14 @@ def _read_in_order(path: Path, order: Rows, most_rows: int) -> Iterator[pa.Table
     with pa.memory_map(str(path)) as source:
         file = pa.ipc.open_file(source)
         batches = [file.get_batch(k) for k in range(file.num_record_batches)]
-        start = np.cumsum([0, *(batch.num_rows for batch in batches)])
+        batch_starts = np.cumsum([0, *(batch.num_rows for batch in batches)])
         for first in range(0, len(order), most_rows):
             rows = order[first : first + most_rows]
-            holder = np.searchsorted(start, rows, side="right") - 1  # the batch that holds each row
+            # The number of the batch that holds each row.
+            holder = np.searchsorted(batch_starts, rows, side="right") - 1
             taken = [
-                batches[k].take(pa.array(rows[holder == k] - start[k])) for k in np.unique(holder)
+                batches[k].take(pa.array(rows[holder == k] - batch_starts[k]))
+                for k in np.unique(holder)
             ]
             # Taken rows are sorted by batch; this inverse permutation restores the wanted order.
             restore = np.argsort(np.argsort(holder, kind="stable"))

@@ -244,7 +244,7 @@ class Mp4Writer(FilmWriter):
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
-        """Convert an RGB frame to YUV 4:2:0, BT.709, limited range."""
+        """Convert an RGB frame, padded to even sides, to YUV 4:2:0, BT.709, limited range."""
         return _subsample_chroma(self._pad_to_even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
 
 
@@ -298,9 +298,10 @@ class WebmWriter(FilmWriter):
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
-        """Convert an RGBA frame to YUV 4:2:0 of limited range, BT.601; alpha does not change.
+        """Convert an RGBA frame, padded to even sides, to YUV 4:2:0 of limited range, BT.601.
 
-        OpenCV does it: swscale takes three times as long, and changes alpha by 1.
+        Alpha does not change. OpenCV converts: swscale takes three times as long, and changes
+        alpha by 1.
         """
         frame = self._pad_to_even(frame, cv2.BORDER_CONSTANT)
         height, width = frame.shape[:2]

@@ -78,16 +78,16 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
             "correct clip.path, or repair the films",
         )
     first_name = next(iter(facts))
-    rate = min(film_facts.frame_rate for film_facts in facts.values())
+    rate = min(film.frame_rate for film in facts.values())
     placed_parts, segments = _place_parts(parts, facts, rate)
     joined = replace(
         facts[first_name],
         frames=max(part.stop for part in placed_parts),
         frame_rate=rate,
-        colour=all(fact.colour for fact in facts.values()),
+        colour=all(film.colour for film in facts.values()),
         segments=tuple(segments),
-        **{name: sum(getattr(fact, name) for fact in facts.values()) for name in _COUNTS},
-        notes=tuple(f"{name}: {note}" for name, fact in facts.items() for note in fact.notes),
+        **{name: sum(getattr(film, name) for film in facts.values()) for name in _COUNTS},
+        notes=tuple(f"{name}: {note}" for name, film in facts.items() for note in film.notes),
     )
     save_facts(clip / FACTS_NAME, joined)
     shutil.copyfile(clip / FILMS / first_name / ARENA_NAME, clip / ARENA_NAME)
@@ -98,9 +98,10 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
 def _place_parts(
     parts: Sequence[FilmPart], facts: Mapping[str, VideoFacts], rate: Fraction
 ) -> tuple[list[FilmPart], list[tuple[int, int]]]:
-    """Return the films with their ranges of the joined clip's frames, and its ranges without a cut.
+    """Return the films, each with its range of frames in the joined clip, and the clip's segments.
 
-    facts: of each film that could be read, by name; rate: frames/s of the joined clip.
+    A segment is a range of frames without a cut. Films that are left out get no range. facts: of
+    each film that could be read, by name. rate: frames per second of the joined clip.
     """
     placed_parts: list[FilmPart] = []
     segments: list[tuple[int, int]] = []
@@ -109,8 +110,9 @@ def _place_parts(
         if not part.error:
             film = facts[part.name]
             shown = frames_at_rate(film.frames, film.frame_rate, rate)
-            ranges = np.searchsorted(shown, np.array(film.segments)) + frames
-            segments += [(int(first), int(stop)) for first, stop in ranges if first < stop]
+            # From frames of the film to their places among those that are shown, in the clip.
+            placed = np.searchsorted(shown, np.array(film.segments)) + frames
+            segments += [(int(first), int(stop)) for first, stop in placed if first < stop]
             part = part._replace(start=frames, stop=frames + len(shown))
             frames = part.stop
         placed_parts.append(part)

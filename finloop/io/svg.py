@@ -53,7 +53,7 @@ class _Contour(NamedTuple):
     """A contour that a drawing shows."""
 
     name: str
-    is_id: bool  # whether the name is its XML id, which must not change
+    name_is_id: bool  # whether the name is its XML id, which must not change
     curve: Curve
     style: str  # SVG style text; "" if nothing paints it
 
@@ -107,7 +107,7 @@ def _unique_names(path: Path, contours: list[_Contour]) -> list[str]:
     Of other names, the second and later ones get a number: eye, eye-2. path: of the file, for
     messages. FinloopError if two contours have one id.
     """
-    ids = Counter(contour.name for contour in contours if contour.is_id)
+    ids = Counter(contour.name for contour in contours if contour.name_is_id)
     if repeated := [name for name, count in ids.items() if count > 1]:
         raise FinloopError(
             f"{path} uses the id {repeated[0]!r} {ids[repeated[0]]} times",
@@ -117,7 +117,7 @@ def _unique_names(path: Path, contours: list[_Contour]) -> list[str]:
     unique_names, used = [], set(ids)
     for contour in contours:
         number, unique = 1, contour.name
-        while not contour.is_id and unique in used:
+        while not contour.name_is_id and unique in used:
             number += 1
             unique = f"{contour.name}-{number}"
         used.add(unique)
@@ -148,17 +148,17 @@ def _named_shapes(group: Any, default_name: str) -> Iterator[tuple[str, bool, An
 def _shown_contours(picture: Any) -> Iterator[_Contour]:
     """Yield every contour that a drawing shows; picture: the drawing as svgelements reads it.
 
-    The second and later contours of a shape `d`, such as the hole of a letter, are named `d#2`,
-    `d#3` ….
+    A shape that has no id of its own takes that of what is around it. The second and later contours
+    of a shape `d`, such as the hole of a letter, are named `d#2`, `d#3` ….
     """
     tolerance_px = FLATNESS * max(float(picture.width), float(picture.height))
-    for name, is_id, shape in _named_shapes(picture, "contour"):
+    for name, name_is_id, shape in _named_shapes(picture, "contour"):
         if shape.values.get("visibility") in ("hidden", "collapse"):
             continue
         style = _paint_style(shape)
         for number, curve in enumerate(_shape_contours(shape, tolerance_px), 1):
             contour_name = f"{name}{PART}{number}" if number > 1 else name
-            yield _Contour(contour_name, is_id, curve, style)
+            yield _Contour(contour_name, name_is_id, curve, style)
 
 
 def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:

@@ -243,7 +243,7 @@ def _null_problems(array: pa.Array, column: Column) -> list[str]:
     if column.nullable:
         return []
     count = array.null_count
-    # What remains, of lists all their numbers: null numbers in a list become NaN below.
+    # Of lists, all numbers: null ones among them become NaN below, and are counted there.
     numbers = array.flatten() if column.length else array.drop_null()
     if pa.types.is_floating(numbers.type):
         count += int(np.isnan(numbers.to_numpy(zero_copy_only=False)).sum())
@@ -252,8 +252,10 @@ def _null_problems(array: pa.Array, column: Column) -> list[str]:
 
 def _to_frame(table: pa.Table, schema: Schema) -> pd.DataFrame:
     """Convert an Arrow table to a data frame, with the schema's columns."""
-    arrays = {column: table.column(column.name).combine_chunks() for column in schema.columns}
-    return pd.DataFrame({column.name: _to_pandas(arrays[column], column) for column in arrays})
+    return pd.DataFrame({
+        column.name: _to_pandas(table.column(column.name).combine_chunks(), column)
+        for column in schema.columns
+    })  # fmt: skip
 
 
 def _to_pandas(array: pa.Array, column: Column) -> pd.Series:

@@ -290,7 +290,8 @@ class LiveFish:
         """
         self.goal = self._make_goal(*goal_px) if goal_px else None
         self.path_task, self.rule_task, self.reached = None, None, False
-        # The planned motion is cut off after so many of its ticks; 1, at the next tick, stays 1.
+        # How many ticks of the planned motion may be played; 1 ends it at once. A drag does not
+        # put off an end that an earlier request has set to 1.
         self._cut_after = self._drag_ticks if drag and self._cut_after != 1 else 1
 
     def follow_path(self, route: Route) -> None:
@@ -326,24 +327,27 @@ class LiveFish:
         self._record_tick()
 
     def advance(self) -> None:
-        """Advance the fish by one tick; plan where a request cuts the motion off, or it ends."""
-        self._hidden_before, planned = self._was_hidden, len(self._planned_rows)
-        if self._cut_after and self._played >= min(self._cut_after, planned):
-            self._cut_after = 0
-            if self._played < planned:
-                self._replan_stretch()
+        """Advance the fish by one tick; plan first if its motion has ended or a request ends it."""
+        self._hidden_before = self._was_hidden
         if self._played == len(self._planned_rows):
+            self._cut_after = 0
             self._plan_stretch(self._next_target())
+        elif self._cut_after and self._played >= self._cut_after:
+            self._cut_after = 0
+            self._replan_stretch()
         self._record_tick()
 
     def _record_tick(self) -> None:
-        """Go to the next tick of the plan, and remember how it is drawn and the user's request."""
+        """Go to the next tick of the plan; remember how it is drawn, and what the user asked for.
+
+        A cross-fade of pictures that are too unlike is drawn without its second picture.
+        """
         row = TankRow._make(
             (*self._planned_rows[self._played].item(), self._planned_poses[self._played])
         )
         self._played += 1
-        # The picture that is cross-faded is hidden, and stays hidden, if it is too unlike: two
-        # unlike fish on top of each other look like ghosts.
+        # Two unlike fish on top of each other look like ghosts. A hidden picture stays hidden until
+        # its cross-fade ends.
         self._was_hidden = row.weight > 0 and (self._was_hidden or self._too_unlike(row))
         last = self._decisions[-1]
         if self._played == len(self._planned_rows):
@@ -407,9 +411,11 @@ class LiveFish:
         self.mode, self._state = decision.mode, decision.state
         self._rng.bit_generator.state = decision.rng_state
         self._plan_stretch(decision.goal, decision.state.fish.company)
-        # Of its motion the ticks up to this one have been played, with the requests of then.
+        # Its motion has been played up to this tick.
         self._played = tick - decision.tick + 1
+        # The second picture of a planned cross-fade that was drawn without it was hidden.
         self._was_hidden = self._planned_rows["weight"][self._played - 1] > 0 and row.weight == 0
+        # What the user asked for at the tick may be newer than the decision, its mode included.
         self.goal, self.reached = None, row.reached
         self.mode, self.path_task, self.rule_task, self._cut_after = self.request_at(tick)
         if not math.isnan(row.goal_x_px):
@@ -421,7 +427,7 @@ class LiveFish:
         If none of it was played, plan again from its beginning. The old plan stays if the new one
         would meet other fish, which rely on the old one.
         """
-        # Set the fish back to the end of what was played of the last motion.
+        # Set the fish back to where the played part of the last motion ends.
         last = self._decisions.pop()
         old_plan = self._state, self._planned_rows, self._planned_poses, self._played
         rng_state = self._rng.bit_generator.state
@@ -454,10 +460,7 @@ class LiveFish:
         rng_state = self._rng.bit_generator.state
         stretch, self._state = self._player.plan(state, goal, self._rng)
         first_tick = self.born + state.fish.tick
-        decision = DecisionRecord(
-            tick=first_tick, mode=self.mode, state=state, rng_state=rng_state, goal=goal,
-            stretch=stretch,
-        )  # fmt: skip
+        decision = DecisionRecord(first_tick, self.mode, state, rng_state, goal, stretch)
         self._decisions.append(decision)
         while len(self._decisions) > 1 and self._decisions[1].tick <= first_tick - HISTORY:
             self._decisions.popleft()
@@ -470,7 +473,8 @@ class LiveFish:
         Earlier motions count as long as their inertialization (the soft end of a jump) has not died
         away; it goes on only at ticks at which the film moves.
         """
-        # The decisions whose motions count, the last one included, and all their ticks.
+        # The decisions whose motions count, the last one included; how many ticks they all have,
+        # and at how many of them, before the last motion, the film moves.
         ticks, moving_ticks, recent = 0, 0, deque[DecisionRecord]()
         joins, last = self._player.joins, self._decisions[-1]
         for decision in reversed(self._decisions):

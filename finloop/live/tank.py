@@ -146,21 +146,20 @@ class LiveTank:
         """Send a fish along a drawn path.
 
         fish_index: from 0; None: all fish. places: x, y px of the tank's picture. The path is moved
-        to where a fish can be. If its end touches its beginning, it is closed and repeats. If it is
-        hardly longer than a point, it is a goal. FinloopError in a mode of the paper.
+        to where a fish can be. If all of it lies within `touch_px` of its beginning, its end is a
+        goal. If it goes twice as far away and comes back, it is closed and repeats. FinloopError in
+        a mode of the paper.
         """
         self._refuse_in_paper("a path")
         world = self.world
         x, y = np.array([world.tank.nearest_legal_point(*place) for place in places], float).T
         from_start_px = np.hypot(x - x[0], y - y[0])
-        # Places nearer to each other than touch_px count as one place.
-        if from_start_px.max() <= world.touch_px:
+        farthest_px = from_start_px.max()
+        if farthest_px <= world.touch_px:
             self.send_to_goal(fish_index, float(x[-1]), float(y[-1]))
             return
-        closed = bool(
-            from_start_px[-1] <= world.touch_px and from_start_px.max() > 2 * world.touch_px
-        )
-        line = Line("the drawn path", x, y, PX, closed=closed)
+        closed = from_start_px[-1] <= world.touch_px and farthest_px > 2 * world.touch_px
+        line = Line("the drawn path", x, y, PX, closed=bool(closed))
         route = lay_path(line, world.tank, world.motion, None).route
         for fish in self._select_fish(fish_index):
             fish.follow_path(route)

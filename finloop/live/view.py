@@ -142,7 +142,7 @@ class TankView:
         """
         tank, rate = self.tank, self.tank.world.motion.rate_hz
         height, width = self.painter.canvas.shape[:2]
-        explained = tank.fish[self.explained : self.explained + 1]
+        explained = tank.fish[self.explained : self.explained + 1]  # [] if there is no such fish
         decision = explained[0].decision_at(tick) if explained else None
         return {
             "frame": self.frame, "tick": tick, "now": tank.tick, "oldest": tank.oldest_tick,
@@ -256,8 +256,8 @@ class TankView:
         anticlockwise.
         """
         end = row + round(_PATH_S * self.tank.world.motion.rate_hz)
-        stops = np.flatnonzero(~film.has_next[row:end])
-        end = row + int(stops[0]) if stops.size else min(end, len(film.has_next) - 1)
+        stops = row + np.flatnonzero(~film.has_next[row:end])  # rows without a next frame
+        end = int(stops[0]) if stops.size else min(end, len(film.has_next) - 1)
         cos, minus_sin = rotate(1.0, 0.0, turn_deg)  # y down
         dx, dy = film.dx[row:end], film.dy[row:end]
         steps = np.column_stack([dx * cos - dy * minus_sin, dx * minus_sin + dy * cos])

@@ -81,11 +81,10 @@ class AccessPolicy:
         """Return a page (HTML) as the response to a request, or a refusal (HTTP status 421)."""
         if not self._is_addressed(request):
             return PlainTextResponse("not this host, or no token", 421)
-        sources = f"img-src blob: data:; connect-src ws://{request.headers['host']}"
+        host = request.headers["host"]
+        sources = f"img-src blob: data:; connect-src ws://{host}; frame-ancestors 'none'"
         headers = {
-            "Content-Security-Policy": make_content_policy(
-                page, f"{sources}; frame-ancestors 'none'"
-            ),
+            "Content-Security-Policy": make_content_policy(page, sources),
             "Cache-Control": "no-store",
             "X-Content-Type-Options": "nosniff",
             "Referrer-Policy": "no-referrer",

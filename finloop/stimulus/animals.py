@@ -147,7 +147,7 @@ class LiveAnimals:
     def _make_room(self, now_s: float) -> bool:
         """Forget the animal lost longest if there are 64; return whether another animal fits.
 
-        None is forgotten, and none fits, if all 64 are present at the session time `now_s`.
+        If all 64 are present at the session time `now_s`, no animal is forgotten, and none fits.
         """
         if len(self._tracks) < MOST_AT_ONCE:
             return True
@@ -203,12 +203,14 @@ class _AnimalTrack:
 
         A message can be held up but never be early, so the offset is the least of the last seconds.
         """
-        offset, is_first, is_other = arrived_s - t, not self._least_offsets, source != self.source
+        offset = arrived_s - t
+        is_first, is_other_source = not self._least_offsets, source != self.source
         jumped = not is_first and self._detect_jump(t, offset - self._clock_offset_s)
-        if jumped is None and not is_other:
+        if jumped is None and not is_other_source:
             return None
         self._refused_t = None
-        if is_first or is_other or jumped:  # stored times move to the new clock
+        if is_first or is_other_source or jumped:
+            # Stored times move to the new clock, which is ahead of the old one by this difference.
             self._past.change_clock(self._clock_offset_s - offset, t)
             self._least_offsets.clear()
             self.source, self._unbroken_since = source, t
@@ -319,13 +321,13 @@ class _PastPlaces:
         """Return the mean speed [px/s] from the first place at or after a time to the last place.
 
         since: that time; at least the last two places are used. begin: when the unbroken track
-        began; earlier places are not used. Both are times of the tracker's clock. 0 if a single
-        place is left.
+        began, at the last place or before; earlier places are not used. Both are times of the
+        tracker's clock. 0 if a single place is left.
         """
-        last = len(self._times) - 1
-        first = min(bisect_left(self._times, since - _ALIKE_S), last - 1)
+        last_but_one = len(self._times) - 2
+        first = min(bisect_left(self._times, since - _ALIKE_S), last_but_one)
         first = max(first, bisect_left(self._times, begin))
-        duration_s = self._times[-1] - self._times[min(first, last)]
+        duration_s = self._times[-1] - self._times[first]
         if duration_s <= 0:
             return 0.0
         return math.dist(self._places[first], self._places[-1]) / duration_s

@@ -60,9 +60,10 @@ def handle_request(session: Session, text: str | bytes | None) -> bool:
 def session_status(session: Session, with_constants: bool = True) -> dict[str, Any]:
     """Return the state of a session for the experimenter's page, as values that JSON can hold.
 
-    latency: median and 99th percentile, ms. fish: x, y px, heading rad, size px, opacity of each.
-    animals: id, x, y px, heading rad, and seconds since the last message of each. trial: its index;
-    done: how trials ended. with_constants: whether to add what never changes in a session.
+    Keys: latency: median and 99th percentile, ms. fish: of each that is shown, x, y px, heading
+    rad, size px, opacity. animals: of each, id, x, y px, heading rad, s since its last message.
+    trial: its index, −1 before the first. done: how each trial ended, by its number.
+    with_constants: whether to add what never changes in a session.
     """
     counts, now = session.counts, session.clock.read_time()
     start = session.protocol.start_key or session.protocol.start_message or "auto"

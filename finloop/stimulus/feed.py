@@ -130,7 +130,10 @@ class Feed:
         return messages
 
     def _picture_message(self, number: int, slot: int) -> bytes:
-        """Return the message with the picture of a film row, for a slot of the page's memory."""
+        """Return the message with the picture of a film row, for a slot of the page's memory.
+
+        `line` is where the fish is in it (`PicturePlacement`); payload: posture, float32; pixels.
+        """
         picture = self._load_picture(number)
         height, width = picture.pixels.shape[:2]
         facts = {

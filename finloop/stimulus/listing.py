@@ -47,7 +47,7 @@ def list_requirements(protocol: Protocol) -> Iterator[str]:
 
 
 def _condition_lines(protocol: Protocol) -> Iterator[str]:
-    """Yield a table of the conditions, and which of them show the very same motion, as lines."""
+    """Yield the lines of a table of the conditions, then which of them show the same motion."""
     rows, same_motion = [], dict[str, list[str]]()
     for name, condition in protocol.conditions.items():
         rows.append((name, f"{condition.seconds:g}", *_describe_condition(condition)))

@@ -184,7 +184,7 @@ def plan_motion(
         states = apply_change((motions or {})[motion.again], condition.change, ticks)
         held = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
         return np.concatenate([states, held])[:ticks]
-    tank, world, goals = _trial_tank(scene, setup), scene.world, motion.goals or ()
+    tank, world = _trial_tank(scene, setup), scene.world
     if motion.path is not None:
         line = load_line(motion.file, TANK)._replace(time_s=None)  # at the fish's own speed
         route = lay_path(line, world.tank, world.motion, scene.mm_per_px).route
@@ -192,8 +192,7 @@ def plan_motion(
             fish.follow_path(route)
     elif motion.company:
         tank.swim_in_group(fish_index=None)  # all fish
-    elif motion.goal is not None:
-        goals = (motion.goal,)
+    goals = motion.goals or (() if motion.goal is None else (motion.goal,))
     planned = _swim_to_goals(tank, scene, goals, count_planned_ticks(condition.change, ticks))
     return apply_change(planned, condition.change, ticks)
 
@@ -342,7 +341,7 @@ class ReactiveMotion:
             target = find_rule_target(self._rule, pose, self._animals, now_s, self._scene.tank)
             old = self._targets[number]
             if target is None or old is None:
-                is_new = target is not old
+                is_new = target is not old  # unless both are None
             else:
                 has_moved = math.dist(target, old) > renew_px
                 has_left = fish.reached and math.dist(target, pose[:2]) > renew_px + length_px

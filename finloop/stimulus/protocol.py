@@ -11,6 +11,7 @@ from its stimulus in its look or its change, and in nothing else.
 import hashlib
 import json
 import re
+from contextlib import suppress
 from pathlib import Path
 from string import Formatter
 from typing import Annotated, Any, Literal
@@ -61,16 +62,14 @@ def _browser_key(name: str) -> str:
 
 
 def _check_template(text: str) -> str:
-    """Return a trigger's text unchanged; ValueError unless all braces hold known names."""
-    known = (*TRIGGER_WORDS, None)  # None: text without braces
-    try:
+    """Return a trigger's text unchanged; ValueError if braces hold anything but `TRIGGER_WORDS`."""
+    known = (*TRIGGER_WORDS, None)  # None: a piece of text without braces
+    with suppress(ValueError):  # a brace without its counterpart
         if all(
             name in known and not format_spec and not conversion
             for _, name, format_spec, conversion in Formatter().parse(text)
         ):
             return text
-    except ValueError:  # a brace without its counterpart
-        pass
     words = ", ".join(f"{{{word}}}" for word in TRIGGER_WORDS)
     raise ValueError(f"may name {words} in braces; write any other brace twice: {{{{ and }}}}")
 
@@ -103,10 +102,10 @@ class RuleSpec(StrictModel):
 
     @model_validator(mode="after")
     def _refuse_unused_values(self) -> "RuleSpec":
-        """Return the rule; ValueError for a value without effect, as the user would expect one."""
+        """Return the rule; ValueError if a field that it does not use differs from its default."""
         for name, rules in _FIELDS_OF_RULES.items():
-            is_given = getattr(self, name) != RuleSpec.model_fields[name].default
-            if is_given and self.rule not in rules:
+            differs = getattr(self, name) != RuleSpec.model_fields[name].default
+            if differs and self.rule not in rules:
                 raise ValueError(f"{name} is of {', '.join(rules)}; {self.rule} has none")
         return self
 
@@ -311,15 +310,11 @@ class Protocol(StrictModel):
     @property
     def looks(self) -> list[Look]:
         """Return all different looks of the conditions; fish name their look by its index here."""
-        looks: list[Look] = []
-        for condition in self.conditions.values():
-            if condition.look not in looks:
-                looks.append(condition.look)
-        return looks
+        return list(dict.fromkeys(condition.look for condition in self.conditions.values()))
 
 
 def derive_motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
-    """Return the seed (53 bits) of a trial's motion, equal for conditions with equal motions.
+    """Return the seed (0 … 2^53 − 1) of a trial's motion, equal for conditions with equal motions.
 
     condition: the name of the trial's condition; repeat: number of its repeat, from 1.
     """

@@ -125,8 +125,8 @@ def repeat_messages(messages: list[TimedMessage]) -> Iterator[TimedMessage]:
     while messages:
         for due_s, text in messages:
             message = json.loads(text)
-            again = json.dumps(message | {"t": begin_s + message["t"]})
-            yield TimedMessage(begin_s + due_s, again)
+            later_text = json.dumps(message | {"t": begin_s + message["t"]})
+            yield TimedMessage(begin_s + due_s, later_text)
         begin_s += messages[-1].due_s + 1.0
 
 

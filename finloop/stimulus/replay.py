@@ -31,14 +31,10 @@ class SessionRecord:
     path: Path
     header: dict[str, Any]
 
-    def open_file(self) -> pq.ParquetFile:
-        """Open the session's Parquet file and return it."""
-        return pq.ParquetFile(self.path)
-
     def read_rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
         """Yield the log's rows of some kinds ("trial" …) in order, by column, without states."""
         names = [name for name in SESSION.names if name not in (*FIELDS, "posture")]
-        for batch in self.open_file().iter_batches(columns=names):
+        for batch in pq.ParquetFile(self.path).iter_batches(columns=names):
             rows = batch.filter(pc.is_in(batch["kind"], pa.array(kinds)))
             yield from rows.to_pylist()
 
@@ -92,7 +88,7 @@ def read_displayed_frames(record: SessionRecord) -> Iterator[DisplayedFrame]:
 
     # The fish of a frame are in its own batch of rows or in the next one.
     frames: list[tuple[int, float, int]] = []  # number, time and digest of the last batch's frames
-    for batch in record.open_file().iter_batches(columns=columns):
+    for batch in pq.ParquetFile(record.path).iter_batches(columns=columns):
         for number, state in _fish_states(batch):
             states_of_frame.setdefault(number, []).append(state)
         for frame in frames:
@@ -190,11 +186,11 @@ class _SessionPlanner:
     def plan_tick(self, row: dict[str, Any]) -> States | None:
         """Return the states (fish, fields) of the tick in a log's row; None if there are none.
 
-        What the last input had planned again is returned once, for the row that says so.
+        A row with the verdict "anew" gets the states that the last input had planned again.
         """
         if self._known is not None:
             return self._known[row["number"]]
         if row["verdict"] == "anew":  # replanned by the last input (`handle_input`)
-            states, self._replanned = self._replanned, None
+            states, self._replanned = self._replanned, None  # for this row only
             return states
         return None if self._reaction is None else self._reaction.plan_tick(row["time_s"])

@@ -231,7 +231,8 @@ class Session:
             self.counts.dropped += int(facts.dropped)
             self.counts.late += int(follows and facts.drawn_s > facts.intended_s + period_s)
             self._last_frame, self._last_intended_s = int(number), facts.intended_s
-            # The page knew the reaction, and drew a time at which it shows, after the tick before.
+            # The first frame that both knew the new plan, and was due after the tick before, shows
+            # the reaction.
             for seq, reaction in list(self._undrawn_reactions.items()):
                 if seq <= facts.seq and facts.intended_s > reaction.tick_before_s:
                     self.counts.drawn_ms.append(1e3 * (facts.drawn_s - reaction.arrived_s))
@@ -344,7 +345,8 @@ class Session:
         facts = {"what": what, **trial._asdict(), "early_s": self._lead_time_s(known)}
         self.log.trial = number
         self.log.add_entry("trial", now, number=number, text=json.dumps(facts))
-        self.log.trial = number if what == "start" else None
+        if what != "start":  # the entry about its end is the trial's last
+            self.log.trial = None
         for trigger in self.protocol.triggers:
             if (trigger.at == "start") == (what == "start"):
                 text = fill_trigger_text(trigger, trial)
@@ -394,7 +396,10 @@ class Session:
         return "abort" if self._abort else "skip" if self._skip else "end"
 
     def _lead_time_s(self, known: bool) -> float:
-        """Return how long [s] before it is due a tick is sent; known: whether it is beforehand."""
+        """Return how long [s] before it is due a tick is sent.
+
+        known: whether its motion is known beforehand; else it is planned at that time.
+        """
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
         return EARLY_S if known else tick_s + min(_MOST_LEAD_S, _LEAD_TICKS * tick_s)
 

@@ -171,27 +171,26 @@ PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
-    """Return the conversion of a tracker's places to px of the tank, from units or pairs of points.
+    """Return the conversion of a tracker's places to px of the tank.
 
-    mm_per_px: mm of the real world per px of the tank's picture, None if unknown. FinloopError
-    lists all problems.
+    It follows from the pairs of points, or from the unit if there are none. mm_per_px: mm of the
+    real world per px of the tank's picture, None if unknown. FinloopError lists all problems.
     """
     problems = list(_calibration_problems(settings, mm_per_px))
     if not problems and not settings.points:
         scale = 1.0 if settings.unit == "px" or mm_per_px is None else 1 / mm_per_px
         return Calibration(((scale, 0.0, 0.0), (0.0, scale, 0.0), (0.0, 0.0, 1.0)))
-    fit = None if problems else _fit_points(settings)
-    if fit is None:
-        problems = problems or [
-            "no view of the tank shows these points: some are in the wrong order"
-        ]
-        raise FinloopError(
-            "the tracker's calibration is invalid:\n    " + "\n    ".join(problems),
-            "a unit; and no points, or 2 pairs at different places, 3 not on one line, or 4 or "
-            "more that include the corners of a quadrangle",
-            "correct the pairs {tracker: [x, y], tank: [x, y]}; corners of the tank are best",
-        )
-    return fit
+    if not problems:
+        fit = _fit_points(settings)
+        if fit is not None:
+            return fit
+        problems = ["no view of the tank shows these points: some are in the wrong order"]
+    raise FinloopError(
+        "the tracker's calibration is invalid:\n    " + "\n    ".join(problems),
+        "a unit; and no points, or 2 pairs at different places, 3 not on one line, or 4 or "
+        "more that include the corners of a quadrangle",
+        "correct the pairs {tracker: [x, y], tank: [x, y]}; corners of the tank are best",
+    )
 
 
 def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) -> Iterator[str]:

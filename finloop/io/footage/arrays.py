@@ -21,16 +21,16 @@ _WANTED = "one array of pictures: frames × height × width, or × 3 for RGB"
 
 
 def is_array_file(path: Path) -> bool:
-    """Return whether a file is HDF5, by its first bytes or its ending, or .npy of NumPy.
+    """Return whether `open_array` can open a file: .npy of NumPy, or HDF5, as MATLAB 7.3 writes.
 
-    FinloopError for a file of several arrays (.npz), an old file of MATLAB, and a recording of
-    Norpix: these are neither.
+    HDF5 is known by its ending or its first bytes. FinloopError for what must be converted first:
+    .npz of NumPy, older files of MATLAB, and recordings of Norpix.
     """
     if path.suffix.lower() in (".npy", ".h5", ".hdf5", ".hdf"):
         return True
     with path.open("rb") as file:
-        begins = file.read(_USER_BLOCK + 8)  # HDF5's mark has 8 bytes; MATLAB puts 512 before it
-    if begins.startswith(_NORPIX):
+        first_bytes = file.read(_USER_BLOCK + len(_HDF5))
+    if first_bytes.startswith(_NORPIX):
         raise FinloopError(
             f"{path} is a recording of Norpix StreamPix (.seq), which FFmpeg does not read",
             "a film that FFmpeg can read",
@@ -38,17 +38,14 @@ def is_array_file(path: Path) -> bool:
             "python -c \"import imageio, pims; film = pims.NorpixSeq('film.seq'); "
             "imageio.mimwrite('film.mp4', film, fps=film.frame_rate, quality=10)\"",
         )
-    if path.suffix.lower() == ".npz" or begins.startswith(_OLD_MATLAB):
-        npz = path.suffix.lower() == ".npz"
-        raise FinloopError(
-            f"{path} is "
-            + ("an archive of NumPy arrays" if npz else "a file of MATLAB older than 7.3"),
-            f"{_WANTED}, in an .npy file, an HDF5 file or a .mat file of version 7.3",
-            "save the film alone: numpy.save('film.npy', array)"
-            if npz
-            else "save it again in MATLAB: save('film.mat', 'film', '-v7.3')",
-        )
-    return _HDF5 in (begins[:8], begins[_USER_BLOCK:])
+    wanted = f"{_WANTED}, in an .npy file, an HDF5 file or a .mat file of version 7.3"
+    if path.suffix.lower() == ".npz":
+        do = "save the film alone: numpy.save('film.npy', array)"
+        raise FinloopError(f"{path} is an archive of NumPy arrays", wanted, do)
+    if first_bytes.startswith(_OLD_MATLAB):
+        do = "save it again in MATLAB: save('film.mat', 'film', '-v7.3')"
+        raise FinloopError(f"{path} is a file of MATLAB older than 7.3", wanted, do)
+    return _HDF5 in (first_bytes[: len(_HDF5)], first_bytes[_USER_BLOCK:])
 
 
 @contextmanager
@@ -76,10 +73,7 @@ def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
 
 
 def to_picture(array: Any, number: int) -> Picture:
-    """Return a frame of an array of `open_array` as (h, w) grey or (h, w, 3) RGB.
-
-    number: of the frame, from 0.
-    """
+    """Return frame `number`, from 0, of an array of `open_array`: (h, w) grey or (h, w, 3) RGB."""
     frame = np.asarray(array[number])
     if frame.ndim == 3 and frame.shape[2] not in _CHANNELS:  # channels first
         frame = np.moveaxis(frame, 0, -1)
@@ -97,7 +91,7 @@ def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
     FinloopError if there is no such dataset, or several.
     """
     items: dict[str, Any] = {}
-    file.visititems(lambda name, item: items.update({name: item}))
+    file.visititems(lambda name, item: items.update({name: item}))  # all: `update` returns None
     datasets = {name: item for name, item in items.items() if getattr(item, "shape", ())}
     films = {name: dataset for name, dataset in datasets.items() if _is_film(dataset)}
     if len(films) != 1:

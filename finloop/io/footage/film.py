@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
-from functools import partial
 from itertools import islice, repeat
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -124,7 +123,9 @@ def _read_packet_stamps(container: InputContainer, stream: VideoStream) -> tuple
             discarded += packet.is_discard
             if packet.size and stamp is not None and not packet.is_discard:
                 stamps.append(stamp)
-    return stamps, max(len(stamps), stream.frames - discarded) if stamps else packets
+    if not stamps:
+        return [], packets
+    return stamps, max(len(stamps), stream.frames - discarded)
 
 
 def _list_picture_notes(
@@ -253,7 +254,8 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     """
     with open_stream(path) as (container, stream):
         stamps, promised = _read_time_stamps(container, stream)
-        stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
+        rates = stream.average_rate, stream.guessed_rate, stream.base_rate
+        stated = [stated_rate for stated_rate in rates if stated_rate]
         aspect = stream.sample_aspect_ratio or Fraction(1)
         streams = len(_picture_streams(container))
     # A raw stream has no stamps: its frames follow one another at the given rate.
@@ -270,7 +272,8 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     notes = _list_picture_notes(coding, aspect, streams, full_range)
     if rate is None:
         times = stamps - stamps[0]
-        last_s = (promised - stamps.size) / float(film_rate) + float(times[-1])
+        # Promised frames without a stamp follow the others at the film's rate.
+        last_s = float(times[-1]) + (promised - stamps.size) / float(film_rate)
     else:
         times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
         if rate != film_rate:
@@ -327,37 +330,46 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     It is the `reader` of a film's `Footage`; see `Footage.stream_numbered`. loss: counts the frames
     that cannot be read; it changes.
     """
-    step_s, size = 1 / float(footage.frame_rate), footage.coded_size
-    square = square_size(*size, footage.pixel_aspect)
-    convert = (
-        _convert_to_rgb if footage.colour else partial(_convert_to_grey, levels=footage.levels)
-    )
+    step_s = 1 / float(footage.frame_rate)
     with open_stream(footage.path) as (container, stream):
         stamps = _seek_range(container, stream, footage)
         frames = _decode_film(container, stream)
         if footage.fields:
             frames = _deinterlace(frames, stream, footage.fields)
-        last_s, damaged_before_last = -step_s, 0  # of the last good frame; before it
+        # Time of the last good frame, and how many frames before it are damaged.
+        last_good_s, damaged_before = -step_s, 0
         for time_s, number, frame in _time_good_frames(frames, stream, footage, loss):
-            last_s, damaged_before_last = time_s, loss.damaged
-            if (frame.width, frame.height) != size:
+            last_good_s, damaged_before = time_s, loss.damaged
+            if (frame.width, frame.height) != footage.coded_size:
                 name = f"{footage.path}: the frame at {time_s:.3f} s"
-                raise other_size_error(name, (frame.width, frame.height), size)
+                raise other_size_error(name, (frame.width, frame.height), footage.coded_size)
             if is_in_range(footage, time_s):
                 # After a seek, frames are not counted from the film's first one.
                 if stamps.size and frame.pts is not None:
                     number = int(np.searchsorted(stamps, frame.pts))
-                picture = convert(frame, full_range=footage.full_range)
-                if square != size:
-                    picture = cv2.resize(picture, square, interpolation=cv2.INTER_LINEAR)
-                yield time_s, (number, footage.turn(picture))
+                yield time_s, (number, _upright_picture(footage, frame))
             elif time_s >= footage.start_s:  # the end of the range of time is passed
                 return
-        # The film has ended before its range of time. Of the frames that it lacks, those after the
-        # last good one that are damaged are counted already.
+        # The film has ended before its range of time. Some of the frames that lack after the last
+        # good one may be damaged: those are counted already.
         promised_s = min(footage.last_s, footage.end_s - step_s)
-        lacking = round((promised_s - last_s) / step_s)
-        loss.missing_at_end = max(0, lacking - (loss.damaged - damaged_before_last))
+        lacking = round((promised_s - last_good_s) / step_s)
+        loss.missing_at_end = max(0, lacking - (loss.damaged - damaged_before))
+
+
+def _upright_picture(footage: Footage, frame: VideoFrame) -> np.ndarray:
+    """Return a decoded frame upright and with square pixels, uint8.
+
+    It is (h, w, 3) RGB if `footage.colour`, else (h, w) grey.
+    """
+    if footage.colour:
+        picture = _convert_to_rgb(frame, footage.full_range)
+    else:
+        picture = _convert_to_grey(frame, footage.full_range, footage.levels)
+    square = square_size(*footage.coded_size, footage.pixel_aspect)
+    if square != footage.coded_size:
+        picture = cv2.resize(picture, square, interpolation=cv2.INTER_LINEAR)
+    return footage.turn(picture)
 
 
 def _time_good_frames(
@@ -413,7 +425,7 @@ def _read_picture_stamps(path: Path, end: float) -> NDArray[np.float64]:
     with open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):
         for packet in container.demux(stream):
             if packet.dts is not None and packet.dts >= end:
-                break
+                break  # no frame is shown before it is decoded, so all others come later
             if packet.size and packet.pts is not None and not packet.is_discard:
                 stamps.append(packet.pts)
     return np.sort(np.array(stamps, np.float64))

@@ -197,8 +197,8 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
 def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
     """Return how the pictures of a film in a folder are named, and these pictures in their order.
 
-    Their names differ only in numbers, else (few pictures, or names without a common pattern) they
-    have only the same ending. FinloopError if there are several series.
+    The names in a series differ only in numbers. If no such series has more than two pictures and
+    5 % of all, the pictures with one ending are a series. FinloopError if there are several.
     """
     series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + file.suffix.lower())
     large = [name for name in series if len(series[name]) > max(2, _FEW * len(files))]
@@ -268,19 +268,16 @@ def _refuse_several_cameras(
     shared = sorted(set.intersection(*numbers_of.values()))
     most = max(map(len, numbers_of.values()))
     if len(shared) > max(1, (1 - _FEW) * most) and np.diff(shared).min() == 1:
-        sizes = dict[str, int]()
-        for value in cameras:
-            example = pictures[int(np.argmax(camera == value))].name
-            sizes[f"like {example}"] = len(numbers_of[value])
+        examples = {value: pictures[int(np.argmax(camera == value))].name for value in cameras}
+        sizes = {f"like {name}": len(numbers_of[value]) for value, name in examples.items()}
         raise _several_series_error(folder, sizes)
 
 
 def natural_sort_key(path: Path) -> list[tuple[int, str]]:
     """Return a key that sorts paths by name, with frame2 before frame10."""
     parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts] + [
-        (0, path.name)
-    ]
+    key = [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
+    return [*key, (0, path.name)]  # the whole name decides between frame2 and frame02
 
 
 def _load_file(files: Sequence[Path], number: int) -> np.ndarray:

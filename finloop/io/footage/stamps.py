@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import ExifTags, Image
@@ -24,41 +24,40 @@ _UNITS_S = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "sec": 1.0, "msec": 
 
 
 def times_in_names(names: Sequence[str]) -> Floats | None:
-    """Return the times [s] (n,) in names such as 2024-05-03_12-30-01.250 and 1714735801250.
+    """Return the times [s after the earliest] (n,) in names such as 2024-05-03_12-30-01.250.
 
-    Known are a date with a time of day, and the seconds, or parts of one, since 1970. None if a
-    name has no time, or the times cannot be those of a film.
+    A name gives a date with a time of day, or s, ms, µs or ns since 1970, such as 1714735801250.
+    None if a name has no time, or the times are too few, equal or uneven: see `_plausible_times`.
     """
-    stamps = [_find_day_and_time(name) or _find_since_1970(name) for name in names]
-    return _to_times(stamps)
+    return _plausible_times([_find_day_and_time(name) or _find_since_1970(name) for name in names])
 
 
 def times_in_files(files: Iterable[Path]) -> Floats | None:
-    """Return the times [s] (n,) in the tags of JPEG or TIFF files: DateTime, with SubSecTime.
+    """Return the times [s after the earliest] (n,) in tags of JPEG or TIFF: DateTime, SubSecTime.
 
-    None if a file has none, or the times cannot be those of a film.
+    None if a file has none, or the times are too few, equal or uneven: see `_plausible_times`.
     """
     stamps = []
     for file in files:
         try:
             if file.suffix.lower().startswith(".tif"):
                 with TiffFile(file) as tiff:
-                    stamps.append(_find_tag(tiff.pages.first))
+                    stamps.append(_find_tiff_time(tiff.pages.first))
             else:
                 with Image.open(file) as picture:
                     stamps.append(_find_exif_time(picture.getexif()))
         except (TiffFileError, OSError):
             return None
-        if stamps[-1] is None:
+        if stamps[-1] is None:  # so that not all files of a folder without times are opened
             return None
-    return _to_times(stamps)
+    return _plausible_times(stamps)
 
 
 def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
-    """Return the times [s] (count,) of a stack's pages, by ImageJ, OME or tags; None: unknown.
+    """Return the times [s after the first] (count,) of a stack's pages; None if it states none.
 
     They are the times that OME gives each page, else multiples of the step that OME or ImageJ
-    gives, else those in the pages' tags.
+    gives, else those in the pages' tags if they are plausible.
     """
     facts = stack.imagej_metadata or {}
     step_s = float(facts.get("finterval") or 0) * _UNITS_S.get(str(facts.get("tunit", "s")), 0.0)
@@ -72,7 +71,8 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
         step_s = float(pixels.get("TimeIncrement", 0)) * unit_s or step_s
     if step_s > 0:
         return np.asarray(np.arange(count) * step_s)
-    return _to_times([_find_tag(page) for page in stack.pages if isinstance(page, TiffPage)])
+    pages = [page for page in stack.pages if isinstance(page, TiffPage)]
+    return _plausible_times([_find_tiff_time(page) for page in pages])
 
 
 def _ome_page_times(pixels: dict[str, Any]) -> list[float]:
@@ -104,73 +104,64 @@ def _ome_pixels(stack: TiffFile) -> dict[str, Any]:
     return pixels
 
 
-Stamp = tuple[float, str]
-"""Whole seconds since 1970, and the digits of a part of a second, "" if there are none."""
+class Stamp(NamedTuple):
+    """A time as it is written, with the digits of the part of a second apart."""
+
+    second: float  # whole seconds since 1970
+    fraction: str  # digits after the whole seconds; "" if there are none
 
 
 def _find_day_and_time(text: str) -> Stamp | None:
-    """Return the first date with a time of day in a text as a stamp; None if it has none.
-
-    A stamp is whole seconds since 1970, and the digits of the part of a second, "" if none.
-    """
+    """Return the first date with a time of day in a text; None if it has none."""
     for match in _DAY_AND_TIME.finditer(text):
         with suppress(ValueError):  # no such day or time: month 13, 25 o'clock
             year, month, day, hour, minute, second = map(int, match.groups()[:6])
             moment = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
             # The digits follow a point or comma, or nothing (7); or a dash (8).
-            return moment.timestamp(), match[7] or match[8] or ""
+            return Stamp(moment.timestamp(), match[7] or match[8] or "")
     return None
 
 
 def _find_since_1970(text: str) -> Stamp | None:
-    """Return the time in a text that counts s, ms, µs or ns since 1970; None if it has none.
-
-    It is whole seconds, and the digits of the part of a second, "" if none.
-    """
+    """Return the first time in a text that counts s, ms, µs or ns since 1970; None if none does."""
     for match in _SINCE_1970.finditer(text):
         if _FIRST_S <= int(match[1]) < _END_S:
-            return float(match[1]), match[2] or ""
+            return Stamp(float(match[1]), match[2] or "")
     return None
 
 
 def _find_exif_time(tags: Image.Exif) -> Stamp | None:
-    """Return the time in the Exif tags of a JPEG, of its exposure if stated; None without one.
-
-    It is whole seconds since 1970, and the digits of the part of a second, "" if none.
-    """
+    """Return the time in the Exif tags of a JPEG, of its exposure if stated; None without one."""
     exif = tags.get_ifd(ExifTags.IFD.Exif)
     original = exif.get(ExifTags.Base.DateTimeOriginal)
     moment = _find_day_and_time(str(original or tags.get(ExifTags.Base.DateTime)))
-    subsecond = ExifTags.Base.SubsecTimeOriginal if original else ExifTags.Base.SubsecTime
-    return (moment[0], str(exif.get(subsecond) or "").strip(" \0")) if moment else None
+    digits = ExifTags.Base.SubsecTimeOriginal if original else ExifTags.Base.SubsecTime
+    return moment and moment._replace(fraction=str(exif.get(digits) or "").strip(" \0"))
 
 
-def _find_tag(page: TiffPage) -> Stamp | None:
-    """Return the time in the tags of a TIFF page; None if there is none.
-
-    It is whole seconds since 1970, and the digits of the part of a second, "" if none.
-    """
+def _find_tiff_time(page: TiffPage) -> Stamp | None:
+    """Return the time in the tags of a TIFF page, of its exposure if stated; None without one."""
     exif = page.tags.valueof("ExifTag", {})
     moment = _find_day_and_time(str(exif.get("DateTimeOriginal", page.tags.valueof("DateTime"))))
-    parts = str(exif.get("SubsecTimeOriginal") or exif.get("SubsecTime") or "").strip()
-    return (moment[0], moment[1] or parts) if moment else None
+    digits = str(exif.get("SubsecTimeOriginal") or exif.get("SubsecTime") or "").strip()
+    return moment and moment._replace(fraction=moment.fraction or digits)
 
 
-def _to_times(stamps: Sequence[Stamp | None]) -> Floats | None:
-    """Return the times [s] (n,) of stamps, from the earliest; None if they cannot be of a film.
+def _plausible_times(stamps: Sequence[Stamp | None]) -> Floats | None:
+    """Return the times [s after the earliest] (n,) of stamps; None if they are not plausible.
 
-    A stamp is whole seconds, and the digits of the part of a second. The longest digits set their
-    unit: if they are three, "7" and "250" are 7 and 250 ms. A film has two stamps or more, lasts
-    into another second, and shows no two pictures at one time. Its usual steps make up at least
-    half of its time: a counter that follows a date does not count parts of a second.
+    They are not if a stamp is None, there are fewer than two, two are at one time, all are in one
+    second, or the median step, taken for all steps, gives less than half of the whole time: a
+    counter that follows a date does not count parts of a second. The longest fraction sets the
+    unit of all: if it has three digits, "7" and "250" are 7 and 250 ms.
     """
     known = [stamp for stamp in stamps if stamp is not None]
     if len(known) < max(2, len(stamps)):
         return None
-    most_digits = max(len(digits) for _, digits in known)
-    second = np.array([second for second, _ in known])
-    fraction = np.array([int(digits or 0) / 10**most_digits for _, digits in known])
-    times = second - second[0] + fraction
+    most_digits = max(len(stamp.fraction) for stamp in known)
+    second = np.array([stamp.second for stamp in known])
+    fraction_s = np.array([int(stamp.fraction or 0) / 10**most_digits for stamp in known])
+    times = second - second[0] + fraction_s
     steps = np.diff(np.sort(times))
     usual_s = np.median(steps) * len(steps)  # how long the film is if all steps are usual
     if np.ptp(second) == 0 or steps.min() <= 0 or usual_s < float(np.ptp(times)) / 2:

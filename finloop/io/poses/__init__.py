@@ -203,7 +203,7 @@ def _load_dataset(path: Path, software: Software) -> Any:
 
 
 def _frame_numbers(dataset: Any, rate_hz: float) -> np.ndarray:
-    """Return the frame number (n,) of each time of a dataset.
+    """Return the frame number (n,) of each time of a dataset, whose times are s or frame numbers.
 
     rate_hz: frames per second, if the dataset does not state them.
     """

@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import import_extra, unreadable_error
 from finloop.io.poses.pickled import load_harmless_pickle, unwrap_array
@@ -39,8 +38,6 @@ def read_idtracker(path: Path) -> Poses:
         loaded, facts = _load_places(path)
         places, labels = np.asarray(loaded), facts.get("identities_labels")
         names = [] if labels is None else [str(label) for label in labels]
-    except FinloopError:
-        raise
     except (
         ArithmeticError, AttributeError, EOFError, LookupError, OSError, TypeError, ValueError,
         pickle.UnpicklingError,

@@ -57,13 +57,11 @@ def _find_animals(columns: list[tuple[str, str, str]], path: Path) -> tuple[list
     """Return the names of a table's animals, and of the keypoints that each of them has.
 
     columns: animal, keypoint and coordinate of each column. Animals are those that have the most
-    frequent list of keypoints; a message on the error stream names the others. path: for that.
+    frequent list of keypoints; a message on the error stream names the others, and the file `path`.
     """
     keypoints: dict[str, list[str]] = {}  # of each animal
-    for animal, keypoint, _ in columns:
-        of_animal = keypoints.setdefault(animal, [])
-        if keypoint not in of_animal:
-            of_animal.append(keypoint)
+    for animal, keypoint in dict.fromkeys(column[:2] for column in columns):
+        keypoints.setdefault(animal, []).append(keypoint)
     keypoint_lists = list(keypoints.values())
     usual = max(keypoint_lists, key=keypoint_lists.count)
     if others := [name for name in keypoints if keypoints[name] != usual]:

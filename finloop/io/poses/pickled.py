@@ -26,11 +26,12 @@ class _PickledKind:
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Take the byte order from the state that numpy pickles of a dtype.
 
-        UnpicklingError if the state has fields or other additions.
+        UnpicklingError if the dtype has fields, or is itself an array.
         """
-        if any(part is not None for part in state[2:5]):
+        _, order, subarray, names, fields, *_ = state
+        if any(part is not None for part in (subarray, names, fields)):
             raise pickle.UnpicklingError("it holds an array with fields")
-        self.order = "=" if state[1] == "|" else str(state[1])
+        self.order = "=" if order == "|" else str(order)
 
     def to_array(self, data: bytes) -> np.ndarray:
         """Return the numbers or words that bytes hold; ValueError if the dtype is object."""
@@ -87,7 +88,10 @@ class _HarmlessUnpickler(pickle.Unpickler):
     """Reader of pickles that hold only arrays, numbers and words; others could run any program."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """Return what stands for the class or function that a pickle names; refuse all others."""
+        """Return the harmless stand-in for what a pickle names; UnpicklingError if there is none.
+
+        A pickle names classes and functions, which unpickling then calls.
+        """
         if module.split(".")[0] == "pathlib":
             return PurePosixPath
         if (module, name) not in _BUILDERS:
