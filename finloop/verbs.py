@@ -276,9 +276,8 @@ def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.Da
     `finloop.gateways.settings.GatewaysSettings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
-    distances = measure_sprite_distances(
-        reel, find_map_rows(reel.features, similar.steps), facts.size, facts.pose
-    )
+    rows = find_map_rows(reel.features, similar.steps)
+    distances = measure_sprite_distances(reel, rows, facts.size, facts.pose)
     gateways = list_gateways(distances, reel.sprites, reel.features, facts.step_median, p)
     return apply_schema(gateways, GATEWAYS)
 
@@ -370,9 +369,8 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     mode.
     """
     if mode not in GROUPS_OF:
-        raise FinloopError(
-            f"mode {mode!r}", f"one of {', '.join(GROUPS_OF)}", "take one of these modes"
-        )
+        names = ", ".join(GROUPS_OF)
+        raise FinloopError(f"mode {mode!r}", f"one of {names}", "take one of these modes")
     p = _group_settings(("animate", *GROUPS_OF[mode]), changes)
     film, outline_px = tracks.film, lists_to_points(tracks.table, "outline")
     shows_sprites = mode in ("network", "hybrid")
@@ -443,8 +441,7 @@ def write_video(
     gallery = Gallery(build_cutout_sets(stores, tracks.table, reel.sprites), bodies)
     shown_length_px = reel.length_px * float(edit["scale"].median())  # of a fish's body
     shadow = Shadow(share=p.shadow_darkness, blur_px=p.shadow_blur * shown_length_px)
-    painter = Painter(tracks.background, shadow=shadow)
-    rate = tracks.film.facts.frame_rate
+    painter, rate = Painter(tracks.background, shadow=shadow), tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:
         for fish in place_ticks(edit, gallery):
             painter.show(*fish)

@@ -25,10 +25,10 @@ class Cutout(NamedTuple):
     orientation: int | None = None
 
     def blend_over(self, background: Picture) -> Picture:
-        """Return the pixels of its rectangle of the frame, cut-out over background, (h, w[, 3]).
+        """Return the part of a frame that the cut-out covers, blended over a background.
 
         background (H, W) or (H, W, 3) uint8: the empty tank as a whole frame, in which the cut-out
-        must lie; it does not change. The result is uint8.
+        must lie; it does not change. The result is (h, w) or (h, w, 3) uint8.
         """
         h, w = self.pixels.shape[:2]
         behind = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
@@ -43,9 +43,9 @@ class Cutouts(Protocol):
 
     @property
     def index(self) -> pd.DataFrame:
-        """Return a table, a row per cut-out: track_id, frame, place, size; of sprites their number.
+        """Return a table with a row per cut-out: track_id, frame, place, size.
 
-        See the schemas of `finloop.io.cutouts`.
+        A sprite's row also has its number and orientation: see `finloop.io.cutouts`.
         """
         ...
 

@@ -49,7 +49,7 @@ def quote_override(name: str, value: Any) -> str:
 def suggest_override(
     name: str, value: Any, choices: list[str], accepts: Callable[[Any], bool]
 ) -> str:
-    """Return the advice "; type name=value" with the value that was probably meant, or "".
+    """Return the advice "; type name=value" with the value probably meant; "" without a guess.
 
     name: dotted name of the parameter. value: as it was given and refused. choices: the words that
     the parameter allows. accepts: a function that says whether the parameter allows a value.

@@ -195,7 +195,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
 
 def map_row_blocks(work: Callable[[slice], B], count: int) -> list[B]:
-    """Return `work` of each block of `count` rows, in the rows' order, computed by all threads.
+    """Divide `count` rows into blocks; return `work(block)` of each in order, by all threads.
 
     A block is a slice of 10,000 rows: few enough to save memory. work: compiled for its most part,
     as kernels run beside each other.

@@ -230,7 +230,7 @@ def _describe_problems(group: _Group, problems: list[dict[str, Any]]) -> list[st
     # A value may have one of several types; keep the problems of the type it comes nearest to.
     depth = max(len(problem["loc"]) for problem in problems)
     deepest = [problem for problem in problems if len(problem["loc"]) == depth]
-    # A sentence for each, where they are about the group, or about several parts of a value.
+    # One sentence each on the group, on an unknown name (no hint), and on several parts of a value.
     if hint is None or (len(deepest) > 1 and depth > 2):
         return [_describe_problem(group, problem) for problem in deepest]
     if len(deepest) == 1:

@@ -9,7 +9,7 @@ from finloop.base.finding import FINDINGS_NAME, GOOD
 
 
 def load_faults(folders: Iterable[Path]) -> pd.DataFrame:
-    """Return the findings on films that are not good, from the folders of the stages that judge.
+    """Return the findings with another verdict than good, from the folders of stages that judge.
 
     Columns film ("" for a single film), what, measured, what to do. A folder without the table is
     passed over.

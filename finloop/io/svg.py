@@ -164,7 +164,7 @@ def _shown_contours(picture: Any) -> Iterator[_Contour]:
 def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:
     """Yield a shape's contours as polylines; tolerance_px: largest distance from the exact curve.
 
-    A contour is closed if the shape says so, or if it ends where it began.
+    A contour is closed if the shape says so, or if three points or more end where they began.
     """
     pieces: list[Points] = []
     previous: Any = None

@@ -119,10 +119,8 @@ class DecisionRecord:
         Then part of a plan was left, no candidates were compared, and the fish swam on as planned.
         """
         had_plan, compared_none = bool(self.state.progress.runs), self.stretch.options is None
-        return (
-            had_plan and compared_none
-            and self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
-        )  # fmt: skip
+        swam_on = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
+        return had_plan and compared_none and swam_on
 
     @property
     def target_name(self) -> str:
@@ -241,8 +239,8 @@ class LiveFish:
         Its columns are x, y [px], heading [degrees] and number of the picture.
         """
         stretch = self._decisions[-1].stretch
-        begin = self.born + self._state.fish.tick - len(stretch.trajectory)
-        return stretch.remaining_path(max(0, tick - begin))
+        first_tick = self.born + self._state.fish.tick - len(stretch.trajectory)  # of the stretch
+        return stretch.remaining_path(max(0, tick - first_tick))
 
     def _other_paths(self, tick: int) -> Floats:
         """Return the planned paths (n, m, 4) of the m other fish from a tick of this fish on.

@@ -81,8 +81,8 @@ class TankHost:
     def store_request(self, page: PageClient, text: str | bytes | None) -> None:
         """Store the request in a page's message for the next frame; count an invalid message.
 
-        Only the last request of each kind is kept; goals, paths, rules and their ends are kept for
-        each fish. Single steps are counted. That a frame was drawn is noted at once.
+        Only the last request of each kind is kept; of requests for a goal, a path, a rule, or to
+        wander, the last for each fish. Single steps are counted. A drawn frame is noted at once.
         """
         request = parse_message(text)
         if request is None:

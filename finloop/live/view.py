@@ -191,9 +191,9 @@ class TankView:
         }  # fmt: skip
 
     def _leader_index(self, rule_task: RuleTask | None) -> int | None:
-        """Return the index of the leader in a fish's rule; None without a rule or a leader.
+        """Return the index of the fish that a rule makes the leader; −1: a rule for a group.
 
-        A rule for a group has −1.
+        None without a rule, or if the leader has left the tank.
         """
         if rule_task is None:
             return None
@@ -218,9 +218,7 @@ class TankView:
             "aim": [round(coordinate, 1) for coordinate in stretch.aim[:2]],
             "planned": plan.tick,
             "more": max(0, len(ranked) - _MOST_CANDIDATES),
-            "candidates": [
-                self._describe_candidate(plan, number) for number in ranked[:_MOST_CANDIDATES]
-            ],
+            "candidates": [self._describe_candidate(plan, k) for k in ranked[:_MOST_CANDIDATES]],
         }  # fmt: skip
 
     def _describe_candidate(self, plan: DecisionRecord, number: int) -> dict[str, Any]:

@@ -52,7 +52,7 @@ class AccessPolicy:
         Where a token is required, the request may name any one address.
         """
         hosts = connection.headers.getlist("host")
-        if self.token is None:
+        if self.token is None:  # there must be one host, and it must be one of these
             return hosts in [[address] for address in self._addresses]
         claim = connection.query_params.get("token", "").encode()
         return len(hosts) == 1 and hmac.compare_digest(claim, self.token.encode())
@@ -169,13 +169,11 @@ class AppServer(uvicorn.Server):
         app = Starlette(
             routes=[*routes, *map(self._socket_route, sockets)], lifespan=self._run_tasks
         )
-        super().__init__(
-            uvicorn.Config(
-                app, log_level="warning", access_log=False, lifespan="on", server_header=False,
-                ws="websockets-sansio", ws_max_size=LARGEST, ws_per_message_deflate=False,
-                timeout_graceful_shutdown=2,
-            )
-        )  # fmt: skip
+        super().__init__(uvicorn.Config(
+            app, log_level="warning", access_log=False, lifespan="on", server_header=False,
+            ws="websockets-sansio", ws_max_size=LARGEST, ws_per_message_deflate=False,
+            timeout_graceful_shutdown=2,
+        ))  # fmt: skip
         logging.getLogger("uvicorn.error").addFilter(_is_about_server)
 
     def _page_route(self, path: str, page: str) -> Route:

@@ -99,7 +99,10 @@ class LiveAnimals:
         return [self._store_sighting(sighting, source, arrived_s) for sighting in sightings]
 
     def recent_animals(self, now_s: float) -> list[Animal]:
-        """Return all animals heard of in the 60 s before a session time, also lost ones, by id."""
+        """Return the animals heard of in the 60 s before a session time, also lost ones.
+
+        They are sorted by id.
+        """
         return [
             Animal(name, *track.place, track.heading_rad, track.speed, track.heard_s)
             for name, track in sorted(self._tracks.items())

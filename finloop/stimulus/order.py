@@ -97,7 +97,7 @@ def _draw_below(generator: PCG64, limit: int) -> int:
 def _find_predecessors(
     protocol: Protocol, repeats: int
 ) -> dict[ConditionRepeat, ConditionRepeat | None]:
-    """Return for every trial the trial that must come before it, or None.
+    """Return for every trial the trial that must come before it; None if it waits for none.
 
     repeats: how often each condition is shown. A first trial that repeats another condition's
     motion comes after that condition's first; other trials after their condition's previous one.

@@ -184,7 +184,7 @@ class Look(StrictModel):
 
     @property
     def message(self) -> dict[str, Any]:
-        """Return how a fish is drawn, with the keys as, contrast, size and colour, for JSON."""
+        """Return the look as values for JSON, by the keys `as`, `contrast`, `size`, `colour`."""
         return self.model_dump(mode="json", by_alias=True)
 
 

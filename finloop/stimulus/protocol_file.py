@@ -286,7 +286,7 @@ def _type_problem(detail: dict[str, Any]) -> Problem:
     message = _WORDS.get(detail["type"], message)
     came = json.dumps(detail["input"], ensure_ascii=False)
     came = came if len(came) <= 60 else came[:57] + "..."
-    # Without what came, if that is nothing, or a group of which the message names the wrong key.
+    # What came is not repeated if it is nothing, or a group whose wrong key the message names.
     is_group = detail["type"] == "value_error" and came.startswith("{")
     says_enough = detail["type"] == "missing" or is_group
     return place, message if says_enough else f"{message}, got {came}"

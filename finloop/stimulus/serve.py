@@ -13,6 +13,7 @@ import contextlib
 import socket
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
@@ -368,10 +369,6 @@ def create_session_server(
     """
     session = hub.session
 
-    async def serve_desk(connection: WebSocket) -> None:
-        """Serve an experimenter's page."""
-        await serve_experimenter(session, connection)
-
     async def save_log() -> None:
         """Write the log to the disk twice a second, and watch the computer's clock."""
         while True:
@@ -380,7 +377,7 @@ def create_session_server(
             await asyncio.to_thread(session.log.write_entries)
 
     sockets = [
-        SocketRoute("/experimenter", serve_desk, MOST_PAGES),
+        SocketRoute("/experimenter", partial(serve_experimenter, session), MOST_PAGES),
         SocketRoute("/display", hub.serve_display, MOST_PAGES),
         SocketRoute("/animals", hub.serve_tracker, MOST_TRACKERS, programs=True),
     ]

@@ -237,13 +237,13 @@ def _fit_points(settings: TrackerSettings) -> Calibration | None:
     tracker = np.array([pair.tracker for pair in settings.points])
     tank = np.array([pair.tank for pair in settings.points])
     up = settings.y_axis == "up"
-    flip = np.diag([1.0, -1.0 if up else 1.0, 1.0])
+    y_sign = -1.0 if up else 1.0
     kinds: dict[int, Any] = {2: SimilarityTransform, 3: AffineTransform}
     kind = kinds.get(len(tank), ProjectiveTransform)
-    transform = kind.from_estimate(tracker * flip.diagonal()[:2], tank)
+    transform = kind.from_estimate(tracker * [1.0, y_sign], tank)
     if not transform:
         return None
-    matrix = np.asarray(transform.params) @ flip
+    matrix = np.asarray(transform.params) @ np.diag([1.0, y_sign, 1.0])  # of y as it is sent
     # The points' third homogeneous coordinates: of one sign if all are in front of the camera.
     depths = tracker @ matrix[2, :2] + matrix[2, 2]
     if not np.isfinite(matrix).all() or depths.min() * depths.max() <= 0:

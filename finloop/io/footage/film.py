@@ -268,26 +268,19 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         raise too_few_error(path, stamps.size)
     coding = _measure_coding(path, stamps if has_stamps else stamps[:1])
     film_rate = estimate_frame_rate(stamps, stated)
+    frame_rate = rate or film_rate
     full_range = coding.outside > OUTSIDE_FRACTION  # too many pixels far outside 16 … 235
     notes = _list_picture_notes(coding, aspect, streams, full_range)
-    if rate is None:
-        times = stamps - stamps[0]
-        # Promised frames without a stamp follow the others at the film's rate.
-        last_s = float(times[-1]) + (promised - stamps.size) / float(film_rate)
-    else:
-        times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
-        if rate != film_rate:
-            notes.insert(
-                0,
-                f"the file says {float(film_rate):g} frames/s; its frames are taken as shot at "
-                f"{float(rate):g}",
-            )
+    times = stamps - stamps[0] if rate is None else np.arange(stamps.size) / float(rate)
+    if rate is not None and rate != film_rate:
+        says = f"the file says {float(film_rate):g} frames/s"
+        notes = [f"{says}; its frames are taken as shot at {float(rate):g}", *notes]
     square = square_size(coding.width, coding.height, aspect)
     footage = Footage(
         path=path,
         width_px=square[coding.turn.quarter_turns % 2],  # a quarter turn swaps the sides
         height_px=square[1 - coding.turn.quarter_turns % 2],
-        frame_rate=rate or film_rate,
+        frame_rate=frame_rate,
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
         frames_expected=stamps.size,
         reader=_read_film_frames,
@@ -301,7 +294,8 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         full_range=full_range,
         renumbered=rate is not None,
         stamp_s=coding.first_s,
-        last_s=last_s,  # of the last frame that the file promises, whether it can be read or not
+        # Promised frames without a stamp follow the others.
+        last_s=float(times[-1]) + (promised - stamps.size) / float(frame_rate),
     )
     return footage, times
 
@@ -375,11 +369,11 @@ def _upright_picture(footage: Footage, frame: VideoFrame) -> np.ndarray:
 def _time_good_frames(
     frames: Iterable[VideoFrame | None], stream: VideoStream, footage: Footage, loss: LostFrames
 ) -> Iterator[tuple[float, int, VideoFrame]]:
-    """Yield the time [s] and the number of each decoded frame, and itself; None is left out.
+    """Yield (time [s], number, frame) for each decoded frame that is not damaged (None).
 
-    The number counts all frames from the first one given, damaged ones (None) included. The time is
-    that of the stamp, unless the film is renumbered; without a stamp, that of the frame before plus
-    a step. loss: its count of damaged frames grows.
+    The number counts all frames from the first one given, damaged ones included. The time is that
+    of the stamp, unless the film is renumbered; without a stamp, that of the frame before plus a
+    step. loss: its count of damaged frames grows.
     """
     step_s = 1 / float(footage.frame_rate)
     time_s = -step_s
@@ -417,9 +411,10 @@ def _seek_range(
 
 
 def _read_picture_stamps(path: Path, end: float) -> NDArray[np.float64]:
-    """Return the time stamps before `end` of a film's frames, ascending, in its time base.
+    """Return the time stamps of a film's frames up to `end`, ascending; all in its time base.
 
-    Packets are read, not decoded: an index only has decoding times.
+    A few later ones may be among them. Packets are read, not decoded: an index only has decoding
+    times.
     """
     stamps = []
     with open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):

@@ -145,19 +145,11 @@ def open_pictures(
         rgb = (_to_uint8(sample, colour=True, levels=levels) for sample in samples)
         colour = measure_chroma_fraction(rgb) > CHROMA_FRACTION
     footage = Footage(
-        path=path,
-        width_px=first.shape[1],
-        height_px=first.shape[0],
-        frame_rate=rate,
-        colour=colour,
-        frames_expected=len(times),
-        reader=_read_picture_frames,
-        frames_in_source=len(times),
-        levels=levels,
-        notes=notes,
+        path=path, width_px=first.shape[1], height_px=first.shape[0], frame_rate=rate,
+        colour=colour, levels=levels, frames_expected=len(times), frames_in_source=len(times),
+        last_s=float(times[-1]), reader=_read_picture_frames, notes=notes,
         renumbered=is_rate_given,  # then a frame's time is its number / rate
-        last_s=float(times[-1]),
-    )
+    )  # fmt: skip
     return footage, times
 
 

@@ -162,7 +162,7 @@ def is_in_range(footage: Footage, time_s: float | Fraction) -> bool:
 
 
 def square_size(width: int, height: int, aspect: Fraction) -> tuple[int, int]:
-    """Return the width and height of a picture whose pixels are made square; none is thrown away.
+    """Return the width and height of a picture that is enlarged until its pixels are square.
 
     width, height: in the file; aspect: width : height of a pixel there.
     """

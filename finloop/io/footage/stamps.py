@@ -117,7 +117,7 @@ def _find_day_and_time(text: str) -> Stamp | None:
         with suppress(ValueError):  # no such day or time: month 13, 25 o'clock
             year, month, day, hour, minute, second = map(int, match.groups()[:6])
             moment = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
-            # The digits follow a point or comma, or nothing (7); or a dash (8).
+            # Digits after a point, a comma or nothing are group 7; after a dash, group 8.
             return Stamp(moment.timestamp(), match[7] or match[8] or "")
     return None
 

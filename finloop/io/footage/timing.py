@@ -54,13 +54,13 @@ def resample_nearest(
 ) -> Iterator[T]:
     """Yield for every tick of a constant rate the item that is nearest in time.
 
-    stamped: pairs (time [s], item), such as frames, in order. frame_rate: ticks per second. timing:
-    its counts of items shown, repeated and dropped grow, and so does its list of cuts: the first
-    tick of every segment. A segment begins with the first item, and wherever the time jumps: its
-    ticks start with its first item. A film of constant rate passes through item by item if its time
-    stamps jitter by less than half a frame.
+    stamped: pairs (time [s], item), such as frames, in order. frame_rate: ticks per second. Where
+    the time jumps, a new segment begins, whose first tick is at its first item. A film of constant
+    rate passes through item by item if its time stamps jitter by less than half a frame. timing:
+    its counts of items shown, repeated and dropped grow; its cuts get each segment's first tick.
     """
     rate = float(frame_rate)
+    longest_step_s = max(CUT_S, CUT_FRAMES / rate)
     last: tuple[float, T] | None = None
     start_s = 0.0  # time of tick 0 of this segment
     ticks = 0  # of this segment
@@ -81,14 +81,12 @@ def resample_nearest(
             yield last[1]
 
     for time_s, item in stamped:
-        if last is not None:
-            if 0 <= time_s - last[0] <= max(CUT_S, CUT_FRAMES / rate):
-                # The last item is the nearest up to the middle between both.
-                yield from yield_repeats(((last[0] + time_s) / 2 - start_s) * rate)
-            else:  # a cut
+        if last is not None and 0 <= time_s - last[0] <= longest_step_s:
+            # The last item is the nearest up to the middle between both.
+            yield from yield_repeats(((last[0] + time_s) / 2 - start_s) * rate)
+        else:  # a new segment
+            if last is not None:
                 yield from yield_repeats((last[0] - start_s) * rate + 0.5)
-                last = None
-        if last is None:
             timing.cuts.append(timing.frames)
             start_s, ticks = time_s, 0
         last = time_s, item

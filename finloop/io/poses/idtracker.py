@@ -53,9 +53,10 @@ def read_idtracker(path: Path) -> Poses:
 
 
 def _find_file(path: Path) -> Path:
-    """Return the best file or folder of trajectories at a path: itself, or a session's first.
+    """Return the file or folder of trajectories at a path: itself, or the best one of a session.
 
-    A folder <name>_csv holds the trajectories as several CSV files. FinloopError if there is none.
+    The best is the first in the order of `_NAMES`, then of `_ENDINGS`. A folder <name>_csv holds
+    the trajectories as several CSV files. FinloopError if there is none.
     """
     if path.is_file() and path.parent.name.endswith("_csv"):
         return path.parent
@@ -99,9 +100,10 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
 
 
 def _load_npy(path: Path) -> tuple[Any, dict[str, Any]]:
-    """Return places and facts, as `_load_places`, of a .npy file: an array or a pickled dictionary.
+    """Return the places (frames, animals, 2) in a .npy file, and facts by name.
 
-    UnpicklingError if the dictionary holds more than plain values and arrays.
+    The file holds an array, and so no facts, or a pickled dictionary: UnpicklingError if that has
+    more than plain values and arrays.
     """
     with path.open("rb") as file:
         npy = np.lib.format

@@ -78,13 +78,8 @@ def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
 
     A label is the words above a column. ValueError if the file is no such table.
     """
-    table = pd.read_csv(
-        io.StringIO(read_plain_csv(path)),
-        header=None,
-        index_col=0,
-        dtype=str,
-        keep_default_na=False,
-    )
+    text = io.StringIO(read_plain_csv(path))
+    table = pd.read_csv(text, header=None, index_col=0, dtype=str, keep_default_na=False)
     head = [str(name).strip() for name in table.index[:4]]
     head_rows = head.index("coords") + 1  # scorer, perhaps individuals, bodyparts, coords
     if head[0] != "scorer" or head[head_rows - 2] != "bodyparts":
