@@ -1,8 +1,6 @@
 """Benchmarks: memory rises with the work, whatever the process that measures has held; films."""
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pandas as pd
@@ -16,20 +14,12 @@ from benchmarks.pipeline import ROOT, peak_mib
 HOLD = "held = b'x' * ({} << 20)"
 
 
-def test_peak_memory_rises_with_what_a_process_holds():
+def test_peak_memory_rises_with_what_a_process_holds_whatever_this_one_does():
+    here = b"x" * (200 << 20)
     least, more, most = (peak_mib(ROOT, "-c", HOLD.format(size)) for size in (0, 100, 300))
-    assert least < 60
+    assert least < 60 < len(here) >> 20
     assert more - least == pytest.approx(100, abs=5)
     assert most - more == pytest.approx(200, abs=5)
-
-
-def test_peak_memory_does_not_begin_at_that_of_the_process_that_asks():
-    code = "from benchmarks.pipeline import *; print(peak_mib(ROOT, '-c', ''))"
-    small, large = (
-        float(subprocess.check_output([sys.executable, "-c", f"{hold}; {code}"], cwd=ROOT))
-        for hold in ("pass", HOLD.format(500))
-    )
-    assert large == pytest.approx(small, abs=5)
 
 
 def test_peak_memory_is_that_of_the_largest_process_and_fails_with_it():
@@ -103,9 +93,8 @@ def test_a_film_that_is_run_up_to_features_has_no_numbers_of_modes(tmp_path, mon
 def two_fish():
     """Two fish that swim side by side, four body lengths apart, for 20 frames."""
     frame, animal = np.divmod(np.arange(40), 2)
-    return pd.DataFrame(
-        {"frame": frame, "animal": animal, "x_px": 3.0 * frame, "y_px": 40.0 * animal}
-    )
+    places = {"x_px": 3.0 * frame, "y_px": 40.0 * animal}
+    return pd.DataFrame({"frame": frame, "animal": animal, **places})
 
 
 def switches(truth, told):
@@ -132,18 +121,16 @@ def test_names_that_change_places_are_two_switches(two_fish):
 def test_places_in_doubt_are_not_compared(two_fish):
     near = two_fish["frame"].between(8, 10)
     truth = two_fish.assign(y_px=np.where(near, two_fish["animal"], two_fish["y_px"]))
-    told = truth.assign(
-        animal=np.where(near, 1 - truth["animal"], truth["animal"]), x_px=truth["x_px"] + 0.6
-    )
+    animal = np.where(near, 1 - truth["animal"], truth["animal"])
+    told = truth.assign(animal=animal, x_px=truth["x_px"] + 0.6)
     of = identities.match_places(truth, told, 10.0)
     assert sorted(of["frame"].unique()) == [k for k in range(20) if not 8 <= k <= 10]
     assert not len(identities.identity_switches(of))
 
 
 def test_shares_are_of_all_fish_and_frames(two_fish):
-    told = two_fish[two_fish["frame"] < 15].assign(
-        animal=lambda t: t["animal"] + (t["frame"] > 9) * 2
-    )
+    told = two_fish[two_fish["frame"] < 15]
+    told = told.assign(animal=told["animal"] + (told["frame"] > 9) * 2)
     row = identities.summarize_program(told, 2, 20, identities.match_places(two_fish, told, 10.0))
     assert row == {
         "animals": 4, "fish_frames_pct": 75.0, "fish_frames_of_most_pct": 50.0, "switches": 2,

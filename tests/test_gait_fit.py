@@ -39,12 +39,11 @@ def _blob(angle: float, seed: int) -> np.ndarray:
     return points @ turn
 
 
-ONE = {
-    name: _blob(a, k) for k, (name, a) in enumerate(zip(LIMBS, (0.5, -0.5, -0.4, 0.4), strict=True))
-}
-TWO = {
-    name: _blob(a, k) for k, (name, a) in enumerate(zip(LIMBS, (0.1, 0.05, -0.1, 0.0), strict=True))
-}
+def _blobs(*angles):
+    return {name: _blob(a, k) for k, (name, a) in enumerate(zip(LIMBS, angles, strict=True))}
+
+
+ONE, TWO = _blobs(0.5, -0.5, -0.4, 0.4), _blobs(0.1, 0.05, -0.1, 0.0)
 
 
 def _film(phases, gamma=TRUE, split=0.25, symmetry="swap", offsets=None, one=ONE, two=TWO):
@@ -59,9 +58,8 @@ def test_closed_form_finds_what_made_the_frames_and_is_a_minimum(gamma):
     source, to = rng.normal(size=(2, 9))
     tau = rng.uniform(size=12)
     frames = to + start_share(tau, gamma)[:, None] * (source - to)
-    assert gamma_from_fractions([gamma_fraction(tau, frames, source, to)]) == pytest.approx(
-        gamma, abs=1e-12
-    )
+    found = gamma_from_fractions([gamma_fraction(tau, frames, source, to)])
+    assert found == pytest.approx(gamma, abs=1e-12)
     noisy = frames + 0.1 * rng.normal(size=frames.shape)
     best = gamma_from_fractions([gamma_fraction(tau, noisy, source, to)])
     error = [
@@ -72,12 +70,9 @@ def test_closed_form_finds_what_made_the_frames_and_is_a_minimum(gamma):
 
 
 def test_no_motion_and_no_frames_have_no_gamma():
-    still = np.ones(4)
+    still, none = np.ones(4), (np.array([]), np.empty((0, 4)))
     assert gamma_from_fractions([gamma_fraction(np.array([0.5]), still[None], still, still)]) == 0
-    assert (
-        gamma_from_fractions([gamma_fraction(np.array([]), np.empty((0, 4)), still, 2 * still)])
-        == 0
-    )
+    assert gamma_from_fractions([gamma_fraction(*none, still, 2 * still)]) == 0
 
 
 @pytest.mark.parametrize("start", [0.0, 0.125, 0.75])
@@ -99,8 +94,9 @@ def test_keys_between_frames_allow_for_the_bend_of_the_way():
     rough = interpolate_key_frames(film, 0.25)
     off = [
         sum(
-            ((found.first[n] - ONE[n]) ** 2).sum() + ((found.second[n] - TWO[n]) ** 2).sum()
-            for n in ONE
+            ((mine[name] - true[name]) ** 2).sum()
+            for mine, true in ((found.first, ONE), (found.second, TWO))
+            for name in LIMBS
         )
         for found in (keys, rough)
     ]
@@ -111,9 +107,8 @@ def test_keys_between_frames_allow_for_the_bend_of_the_way():
 
 def test_gamma_per_scale_comes_back():
     per_scale = {name: {"A": (0.5, -0.5, 0.9, 0.0), "B": (-0.7, 0.2, 0.1, 0.3)} for name in LIMBS}
-    gait, _ = fit_gait(
-        _film(np.arange(24) / 16, per_scale), "x", 1.0, wavelet="db4", per_scale=True
-    )
+    film = _film(np.arange(24) / 16, per_scale)
+    gait, _ = fit_gait(film, "x", 1.0, wavelet="db4", per_scale=True)
     for name in LIMBS:
         for letter in "AB":
             assert gait.gamma[name][letter] == pytest.approx(per_scale[name][letter], abs=1e-9)
@@ -143,9 +138,8 @@ def test_a_mirrored_cycle_and_another_split():
     gamma = {"outline": {"A": (-0.9,), "B": (0.4,)}}
     phases = np.arange(40) / 20
     film = _film(phases, gamma, 0.2, "mirror", one=one, two=two)
-    np.testing.assert_allclose(
-        film.contours["outline"][10], mirror_contours(film.contours["outline"][0]), atol=1e-12
-    )
+    outline = film.contours["outline"]
+    np.testing.assert_allclose(outline[10], mirror_contours(outline[0]), atol=1e-12)
     gait, _ = fit_gait(film, "fish", 2.0, split=0.2, wavelet="db4")
     assert gait.gamma["outline"]["A"] == pytest.approx((-0.9,), abs=1e-9)
     assert gait.gamma["*"]["B"] == pytest.approx((0.4,), abs=1e-9)
@@ -156,23 +150,18 @@ def test_keys_lie_between_the_frames_beside_and_over_cycles_are_their_mean():
     straight = {name: {"A": (0.0,), "B": (0.0,)} for name in LIMBS}
     film = _film(np.arange(32) / 16, straight)
     noise = np.random.default_rng(6).normal(size=film.contours["fore_left"].shape)
-    noisy = replace(
-        film, contours={**film.contours, "fore_left": film.contours["fore_left"] + noise}
-    )
+    fore = film.contours["fore_left"] + noise
+    noisy = replace(film, contours={**film.contours, "fore_left": fore})
     later = {name: points[[8, 24]] for name, points in noisy.contours.items()}
-    mean = (
-        noisy.contours["fore_left"][[0, 16]].sum(0)
-        + film.contours_half_cycle_later(later)["fore_left"].sum(0)
-    ) / 4
+    mean = (fore[[0, 16]].sum(0) + film.contours_half_cycle_later(later)["fore_left"].sum(0)) / 4
     np.testing.assert_allclose(interpolate_key_frames(noisy, 0.25).first["fore_left"], mean)
     between = _film((np.arange(4) - 0.5) / 4 + 0.25, straight)  # key 2 amid two frames
     expected = between.contours["fore_left"][:2].mean(axis=0)
     twin = _film(between.phase + 0.5, straight)
     other = twin.contours_half_cycle_later(twin.contours)["fore_left"][:2].mean(axis=0)
     np.testing.assert_allclose(expected, other, atol=1e-12)
-    np.testing.assert_allclose(
-        interpolate_key_frames(between, 0.25).second["fore_left"], expected, atol=1e-12
-    )
+    found = interpolate_key_frames(between, 0.25).second["fore_left"]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_limbs_missing_in_some_frames_are_fitted_from_the_others():
@@ -227,10 +216,9 @@ def test_noise_makes_gamma_buy_nothing_where_there_is_none():
     found = compare_clocks(replace(film, contours=noisy))
     limbs = found.by_contour.set_index(["contour", "subcycle"])
     for name in LIMBS:
-        assert limbs.loc[(name, "B"), "rms_gamma"] < limbs.loc[(name, "B"), "rms_linear"]
-        assert limbs.loc[(name, "A"), "rms_gamma"] == pytest.approx(
-            limbs.loc[(name, "A"), "rms_linear"], rel=0.02
-        )
+        a, b = limbs.loc[(name, "A")], limbs.loc[(name, "B")]
+        assert b["rms_gamma"] < b["rms_linear"]
+        assert a["rms_gamma"] == pytest.approx(a["rms_linear"], rel=0.02)
     fine = found.by_scale.query("subcycle == 'A' and scale > 0")
     assert not (fine["gamma_buys_pct"] > 10).any()
 
@@ -247,11 +235,8 @@ def test_what_is_left_out():
 def test_the_keys_that_a_film_starts_from_do_not_matter():
     """Errors are lengths: a film twice as large has the same in body lengths, and the same γ."""
     film = _film(np.arange(16) / 16 + 0.03)
-    large = replace(
-        film,
-        contours={k: 2 * v for k, v in film.contours.items()},
-        body_length=2 * film.body_length,
-    )
+    contours = {name: 2 * points for name, points in film.contours.items()}
+    large = replace(film, contours=contours, body_length=2 * film.body_length)
     for name, of in fit_gait(film, "x", 1.0)[0].gamma.items():
         assert of["A"] == pytest.approx(fit_gait(large, "x", 1.0)[0].gamma[name]["A"], rel=1e-9)
     assert compare_clocks(film).rms == pytest.approx(compare_clocks(large).rms, rel=1e-9)

@@ -69,9 +69,8 @@ def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
     key1 = save_svg(tmp_path / "1.svg", leg("fore_left", -5) + leg("fore_right", 60))
     key2 = save_svg(tmp_path / "2.svg", leg("fore_left", 20) + leg("fore_right", 20))
     assert main([key1, key2, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
-    assert (
-        "leaves the picture: fore_left in 1, fore_right in 1 of 4 frames" in capsys.readouterr().out
-    )
+    said = "leaves the picture: fore_left in 1, fore_right in 1 of 4 frames"
+    assert said in capsys.readouterr().out
     assert main([key2, key1, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
     assert "should stand" not in capsys.readouterr().out
     lame = leg("fore_left", 20) + '<path id="fore_right" d="M20 9H29V50H20z"/>'
@@ -102,22 +101,15 @@ def test_the_list_shows_each_gait(capsys):
     with pytest.raises(SystemExit) as stop:
         main(["--list"])
     assert stop.value.code == 0
-    assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == list(
-        shipped_gait_files(SHIPPED)
-    )
+    names = [line.split(":")[0] for line in capsys.readouterr().out.splitlines()]
+    assert names == list(shipped_gait_files(SHIPPED))
 
 
 @pytest.mark.parametrize(
     ("hz", "frames", "rate", "wanted"),
-    [
-        (1.5, None, None, (20, 30)),
-        (1.5, None, 12, (8, 12)),
-        (1.5, 40, None, (40, 60)),
-        (1.5, 40, 20, (40, 20)),
-        (25.0, None, None, (4, 30)),
-        (0.0001, None, None, (10_000, 30)),
-    ],
-)
+    [(1.5, None, None, (20, 30)), (1.5, None, 12, (8, 12)), (1.5, 40, None, (40, 60)),
+     (1.5, 40, 20, (40, 20)), (25.0, None, None, (4, 30)), (0.0001, None, None, (10_000, 30))],
+)  # fmt: skip
 def test_tempo(hz, frames, rate, wanted):
     assert choose_frame_timing(hz, frames, rate and Fraction(rate)) == wanted
 

@@ -44,19 +44,13 @@ def test_a_mode_is_made_again_only_if_its_own_or_common_inputs_differ(folder):
 
 def test_kept_numbers_are_exact(folder):
     results, rng = open_kept(), np.random.default_rng(0)
-    frames = [
-        pd.DataFrame({"x": rng.normal(size=n), "n": np.arange(n, dtype=np.int16)})
-        for n in (3, 0, 2)
-    ]
+    frames = [pd.DataFrame({"x": rng.normal(size=n), "n": np.int16(n)}) for n in (3, 0, 2)]
     frames[0].loc[1, "x"] = np.nan
     results.save("film", "parquet", partial(kept.save_frames, frames=frames))
-    for old, new in zip(
-        frames, results.load("film", "parquet", partial(kept.load_frames, count=3)), strict=True
-    ):
+    back = results.load("film", "parquet", partial(kept.load_frames, count=3))
+    for old, new in zip(frames, back, strict=True):
         pd.testing.assert_frame_equal(old, new, check_exact=True)
-    scores = Scores(
-        np.array([0.1, np.nan]), np.array([True, False]), np.array([0, 1]), np.array([3, -1])
-    )
+    scores = Scores(*map(np.array, ([0.1, np.nan], [True, False], [0, 1], [3, -1])))
     verdict = Verdict(Auc(1 / 3, 0.1, 0.9), {"speed": Auc(0.5, 0.2, 0.8)}, {"speed": 1e-17}, scores)
     results.save("loops", "json", partial(kept.save_values, values=verdict.to_values()))
     found = Verdict.from_values(results.load("loops", "json", kept.load_values))

@@ -55,7 +55,7 @@ folder = stage_run("distance", "jumps")
 
 
 @pytest.fixture(scope="module")
-def mirrored_material(folder):
+def material(folder):
     """The same as `Material`, with mirror images."""
     with chdir(folder):
         with Project() as project:
@@ -90,6 +90,15 @@ def of_poses(poses, made, rate_hz=25.0, **changes):
     return retarget_track(track_from_poses(poses, rate_hz, STEPS, p), made, p, OTHERS)
 
 
+def distances(points, others):
+    """How far points (…, 2) are apart."""
+    return np.hypot(*np.moveaxis(points - others, -1, 0))
+
+
+def body_lengths(lines):
+    return distances(lines[:, 1:], lines[:, :-1]).sum(1)
+
+
 def asked_points(animation):
     return lists_to_points(animation.asked, "drawn").astype(float)
 
@@ -97,16 +106,16 @@ def asked_points(animation):
 # --- laws
 
 
-def test_a_film_s_own_track_is_the_film_again(mirrored_material):
-    features = mirrored_material.reel.features
+def test_a_film_s_own_track_is_the_film_again(material):
+    features = material.reel.features
     number = features["track_id"].value_counts().index[0]
-    own = load_track(mirrored_material, how(tracks=f"track:{number}"))
-    animation = retarget_track(own, mirrored_material, how(scale=1.0), OTHERS)
+    own = load_track(material, how(tracks=f"track:{number}"))
+    animation = retarget_track(own, material, how(scale=1.0), OTHERS)
     rows = np.flatnonzero(features["track_id"] == number)
     edit = animation.edit
     assert edit["source"].tolist() == rows.tolist()
     assert not edit["mirrored"].any() and not edit["weight"].any()
-    assert np.abs(np.stack(edit["pose"]) - mirrored_material.poses.codes[rows]).max() < 1e-5
+    assert np.abs(np.stack(edit["pose"]) - material.poses.codes[rows]).max() < 1e-5
     assert np.allclose(edit["rotation_deg"], 0, atol=1e-3)
     for axis in ("x_px", "y_px"):
         assert np.allclose(edit[axis], features[axis].to_numpy()[rows], atol=0.02)
@@ -115,98 +124,89 @@ def test_a_film_s_own_track_is_the_film_again(mirrored_material):
     assert told["ticks"] == len(rows) and told["file_frames_used_pct"] == 100
 
 
-def test_without_its_own_frames_it_is_drawn_in_others_at_the_same_places(mirrored_material):
-    n = len(mirrored_material.reel)
+def test_without_its_own_frames_it_is_drawn_in_others_at_the_same_places(material):
+    n = len(material.reel)
     half = np.arange(n // 2)
-    own = load_track(mirrored_material, how(tracks="track:0"))
+    own = load_track(material, how(tracks="track:0"))
     part = own._replace(
         frame=own.frame[half], points=own.points[half], codes=own.codes[half], rows=half
     )
-    animation = retarget_track(
-        part, mirrored_material, how(allow_own_frames=False, scale=1.0), OTHERS
-    )
+    animation = retarget_track(part, material, how(allow_own_frames=False, scale=1.0), OTHERS)
     assert (animation.edit["source"] >= len(half)).all()
     assert animation.numbers["apart_p95_pct"] < 0.1
     with pytest.raises(FinloopError, match="no frames except those"):
-        retarget_track(own, mirrored_material, how(allow_own_frames=False), OTHERS)
+        retarget_track(own, material, how(allow_own_frames=False), OTHERS)
 
 
-def test_a_mirrored_track_gives_the_mirrored_animation(mirrored_material, carp, monkeypatch):
-    plain = of_poses(tracker_poses(carp), mirrored_material)
+def test_a_mirrored_track_gives_the_mirrored_animation(material, carp, monkeypatch):
+    plain = of_poses(tracker_poses(carp), material)
     monkeypatch.setattr(RetargetSettings, "mirrored", True)
-    other = of_poses(tracker_poses(carp), mirrored_material)
-    width = mirrored_material.arena.shape[1]
+    other = of_poses(tracker_poses(carp), material)
+    width = material.arena.shape[1]
     assert np.allclose(other.edit["x_px"], width - 1 - plain.edit["x_px"], atol=1e-6)
     assert np.allclose(other.edit["y_px"], plain.edit["y_px"], atol=1e-6)
     assert (other.edit["source"] == plain.edit["source"]).all()
     assert (other.edit["mirrored"] != plain.edit["mirrored"]).all()
     codes, flipped = (np.stack(one.edit["pose"]) for one in (plain, other))
-    assert np.allclose(codes @ mirrored_material.poses.shapes.mirror_matrix, flipped, atol=1e-4)
-    own = load_track(mirrored_material, how(tracks="track:0"))
-    again = retarget_track(own, mirrored_material, how(scale=1.0), OTHERS).edit
+    assert np.allclose(codes @ material.poses.shapes.mirror_matrix, flipped, atol=1e-4)
+    own = load_track(material, how(tracks="track:0"))
+    again = retarget_track(own, material, how(scale=1.0), OTHERS).edit
     assert again["source"].tolist() == own.rows.tolist() and again["mirrored"].all()
     assert np.allclose(
-        np.stack(again["pose"]), own.codes @ mirrored_material.poses.shapes.mirror_matrix, atol=1e-5
+        np.stack(again["pose"]), own.codes @ material.poses.shapes.mirror_matrix, atol=1e-5
     )
 
 
-def test_twice_the_rate_and_twice_the_size_are_the_same_motion(mirrored_material, carp):
-    plain = of_poses(tracker_poses(carp), mirrored_material, scale=1.4)
+def test_twice_the_rate_and_twice_the_size_are_the_same_motion(material, carp):
+    plain = of_poses(tracker_poses(carp), material, scale=1.4)
     ticks = np.arange(len(carp))
     fine = CubicSpline(ticks, carp)(np.arange(0, len(carp) - 0.5, 0.5))
-    quick = of_poses(tracker_poses(fine), mirrored_material, 50.0, scale=1.4)
+    quick = of_poses(tracker_poses(fine), material, 50.0, scale=1.4)
     assert len(quick.edit) == len(plain.edit)
     assert np.abs(asked_points(quick) - asked_points(plain)).max() < 1e-2
     assert (quick.edit["source"] == plain.edit["source"]).all()
     own, large = (
-        of_poses(tracker_poses(size * carp), mirrored_material, placement="shrink")
-        for size in (1, 2)
+        of_poses(tracker_poses(size * carp), material, placement="shrink") for size in (1, 2)
     )
     assert large.numbers["scale"] == pytest.approx(own.numbers["scale"] / 2)
     assert np.abs(asked_points(large) - asked_points(own)).max() < 1e-3
     assert (large.edit["source"] == own.edit["source"]).all()
 
 
-def test_another_carp_is_where_it_was_and_bent_as_it_was(mirrored_material, carp):
-    animation = of_poses(tracker_poses(carp), mirrored_material)
-    arc = np.hypot(*np.moveaxis(np.diff(carp, axis=1), -1, 0)).sum(1)
+def test_another_carp_is_where_it_was_and_bent_as_it_was(material, carp):
+    animation = of_poses(tracker_poses(carp), material)
+    arc = body_lengths(carp)
     assert animation.numbers["scale"] == pytest.approx(
-        mirrored_material.reel.length_px / np.median(arc), rel=0.03
+        material.reel.length_px / np.median(arc), rel=0.03
     )
     true = animation.numbers["scale"] * carp[:, ::2]
-    off = (
-        np.hypot(*np.moveaxis(asked_points(animation) - true, -1, 0)).mean(1)
-        / mirrored_material.reel.length_px
-    )
+    off = distances(asked_points(animation), true).mean(1) / material.reel.length_px
     assert np.median(off) < 0.01 and np.quantile(off, 0.95) < 0.02
     asked = lists_to_points(animation.asked, "asked")
-    assert (
-        np.abs(asked - true).max() < 0.02 * mirrored_material.reel.length_px
-    )  # the spline through points
+    # The spline through points.
+    assert np.abs(asked - true).max() < 0.02 * material.reel.length_px
     assert 100 * np.median(off) == pytest.approx(animation.numbers["apart_median_pct"], abs=0.3)
 
 
 @pytest.mark.skipif(find_spec("movement") is None, reason="the extra `tracks` is not installed")
-def test_a_csv_of_deeplabcut_gives_what_its_poses_give(mirrored_material, carp, tmp_path):
+def test_a_csv_of_deeplabcut_gives_what_its_poses_give(material, carp, tmp_path):
     poses = tracker_poses(carp)
     path = tmp_path / "tracks.csv"
     save_csv_in_blocks(path, deeplabcut_tables(poses), decimals=3)
     p = how(tracks=str(path))
-    animation = retarget_track(load_track(mirrored_material, p), mirrored_material, p, OTHERS)
-    assert (
-        np.abs(asked_points(animation) - asked_points(of_poses(poses, mirrored_material))).max()
-        < 0.05
-    )
+    animation = retarget_track(load_track(material, p), material, p, OTHERS)
+    wanted = asked_points(of_poses(poses, material))
+    assert np.abs(asked_points(animation) - wanted).max() < 0.05
 
 
 # --- few points
 
 
 @pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",), ("Nose",)])
-def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material, carp, points):
+def test_few_points_say_where_and_the_film_says_how_it_is_bent(material, carp, points):
     changes = {} if len(points) > 1 else {"scale": 1.4}
     poses = tracker_poses(carp)
-    animation = of_poses(poses, mirrored_material, body_keypoints=points, **changes)
+    animation = of_poses(poses, material, body_keypoints=points, **changes)
     scale = animation.numbers["scale"]
     assert scale == pytest.approx(1.4, rel=0.1)
     asked = scale * poses.places[:, [NAMES.index(one) for one in points]]
@@ -220,22 +220,22 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material
         assert np.abs(middle - sought).max() < 1e-3
         assert animation.numbers["apart_median_pct"] < 10
     codes = np.stack(edit["pose"]).astype(float)
-    near = mirrored_material.poses.shapes.nearest_codes(codes).codes
+    near = material.poses.shapes.nearest_codes(codes).codes
     assert np.abs(near - codes).max() < 1e-3  # every posture is one that the film shows
     assert animation.numbers["with_postures"] == 0
     notes = stages.retarget.describe_lacks(animation.numbers)
     assert any("no posture" in one for one in notes)
     with pytest.raises(FinloopError, match=r"no body length[\s\S]*retarget.scale"):
-        of_poses(poses, mirrored_material, body_keypoints=("centre",))
+        of_poses(poses, material, body_keypoints=("centre",))
 
 
-def test_postures_of_the_film_go_on_over_a_switch(mirrored_material, carp):
+def test_postures_of_the_film_go_on_over_a_switch(material, carp):
     p = how(body_keypoints=("Nose", "tail_tip"))
     track = track_from_poses(tracker_poses(carp), 25.0, STEPS, p)
     cut = OTHERS._replace(join="cut")
     jumps = []
     for others in (OTHERS, cut):
-        animation = retarget_track(track, mirrored_material, p, others)
+        animation = retarget_track(track, material, p, others)
         at = np.flatnonzero(animation.asked["switch"])
         codes = np.stack(animation.edit["pose"]).astype(float)
         jumps.append(np.linalg.norm(codes[at] - codes[at - 1], axis=1).mean())
@@ -252,15 +252,12 @@ def test_points_of_the_body_are_told_from_eyes_and_ordered_from_head_to_tail(car
     assert [without[one] for one in body_keypoint_numbers(without, poses.places, how())] == ["Nose"]
 
 
-def test_points_that_reach_part_of_the_body_leave_the_rest_to_the_film(mirrored_material, carp):
-    whole = of_poses(tracker_poses(carp), mirrored_material)
+def test_points_that_reach_part_of_the_body_leave_the_rest_to_the_film(material, carp):
+    whole = of_poses(tracker_poses(carp), material)
     share = {"body_keypoints": ("Nose", "b1", "b2", "b3"), "keypoint_range": (0.0, 0.75)}
-    part = of_poses(tracker_poses(carp), mirrored_material, **share)
+    part = of_poses(tracker_poses(carp), material, **share)
     assert part.numbers["scale"] == pytest.approx(whole.numbers["scale"], rel=0.02)
-    off = (
-        np.hypot(*np.moveaxis(asked_points(part) - asked_points(whole), -1, 0))
-        / mirrored_material.reel.length_px
-    )
+    off = distances(asked_points(part), asked_points(whole)) / material.reel.length_px
     assert np.median(off[:, :24]) < 0.01 and np.median(off[:, -1]) < 0.12
 
 
@@ -311,11 +308,11 @@ def test_smoothing_takes_tremble_and_leaves_a_straight_way():
 # --- postures
 
 
-def test_codes_come_back_from_bends_alone_and_poses_from_points(mirrored_material):
-    shapes = mirrored_material.poses.shapes
+def test_codes_come_back_from_bends_alone_and_poses_from_points(material):
+    shapes = material.poses.shapes
     exact = replace(shapes, total_variance=float(shapes.variance.sum()))
     rng = np.random.default_rng(1)
-    codes = mirrored_material.poses.codes[rng.choice(len(mirrored_material.poses.codes), 30)]
+    codes = material.poses.codes[rng.choice(len(material.poses.codes), 30)]
     pose = Pose(*rng.uniform(50, 200, (2, 30)), rng.uniform(-3, 3, 30), np.full(30, 40.0),
                 exact.decode(codes))  # fmt: skip
     at = np.linspace(0, 1, pose.posture.shape[1] // 2)
@@ -324,24 +321,21 @@ def test_codes_come_back_from_bends_alone_and_poses_from_points(mirrored_materia
     assert np.allclose(again.backbone_px(), line)
     assert np.allclose(np.exp(1j * again.heading_rad), np.exp(1j * pose.heading_rad))
     asked = fit_postures(line, at, exact, 40.0)
-    off = np.hypot(*np.moveaxis(asked.pose.backbone_px() - line, -1, 0))
+    off = distances(asked.pose.backbone_px(), line)
     assert off.max() < 0.6 and np.median(off) < 0.1 and not asked.clamped.any()
     bare = backbone_bends(pose.posture)
     size = np.abs(codes).max()
     assert np.abs(most_likely_codes(bare, at, exact) - codes).max() < 0.05 * size
-    assert np.allclose(
-        most_likely_codes(-bare, at, exact),
-        most_likely_codes(bare, at, exact) @ shapes.mirror_matrix,
-        atol=1e-6,
-    )
+    flipped = most_likely_codes(bare, at, exact) @ shapes.mirror_matrix
+    assert np.allclose(most_likely_codes(-bare, at, exact), flipped, atol=1e-6)
 
 
-def test_a_posture_that_the_film_never_shows_is_drawn_to_the_nearest(mirrored_material):
-    shapes, at = mirrored_material.poses.shapes, np.linspace(0, 1, STEPS + 1)
+def test_a_posture_that_the_film_never_shows_is_drawn_to_the_nearest(material):
+    shapes, at = material.poses.shapes, np.linspace(0, 1, STEPS + 1)
     angle = np.linspace(0, 2 * np.pi, STEPS)  # a ring
-    way = np.stack([-np.cos(angle), np.sin(angle)], -1) * mirrored_material.reel.length_px / STEPS
+    way = np.stack([-np.cos(angle), np.sin(angle)], -1) * material.reel.length_px / STEPS
     ring = np.concatenate([np.zeros((1, 2)), np.cumsum(way, 0)])[None]
-    asked = fit_postures(ring, at, shapes, mirrored_material.reel.length_px)
+    asked = fit_postures(ring, at, shapes, material.reel.length_px)
     assert asked.clamped.all()
     assert not shapes.nearest_codes(asked.codes).clamped.any()
 
@@ -349,7 +343,7 @@ def test_a_posture_that_the_film_never_shows_is_drawn_to_the_nearest(mirrored_ma
 def test_points_lie_on_the_line_that_they_were_taken_from(carp):
     at = np.linspace(0, 1, STEPS + 1)
     made = resample_body_lines(carp[:, ::8], at, "a")
-    arc = np.hypot(*np.moveaxis(np.diff(carp, axis=1), -1, 0)).sum(1)
+    arc = body_lengths(carp)
     assert np.abs(made - carp[:, ::2]).max() < 0.01 * np.median(arc)
     fewer = carp[:, ::8].copy()
     fewer[3, 2] = np.nan  # an inner point is not given
@@ -411,16 +405,14 @@ def test_a_way_is_moved_into_the_tank_or_made_smaller():
     assert find_placement(bodies, arena, 16, how())[1] == 1  # as given
     large = 2 * centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
     assert find_shift_into(large, arena, 16) is None
-    with pytest.raises(
-        FinloopError, match=r"8.5 × 6.2 body lengths[\s\S]*retarget.placement=shrink"
-    ):
+    said = r"8.5 × 6.2 body lengths[\s\S]*retarget.placement=shrink"
+    with pytest.raises(FinloopError, match=said):
         find_placement(large, arena, 16, how(placement="fit"))
     _, size = find_placement(large, arena, 16, how(placement="shrink"))
     assert 0.7 < size <= 0.8
+    wide = bodies + np.array([[-300, 0], [0, 0], [300, 0]])
     with pytest.raises(FinloopError, match="shrinks to a point"):
-        find_placement(
-            bodies + np.array([[-300, 0], [0, 0], [300, 0]]), arena, 16, how(placement="shrink")
-        )
+        find_placement(wide, arena, 16, how(placement="shrink"))
 
 
 @pytest.mark.parametrize(("height", "cell"), [(80, 1), (500, 3)])
@@ -446,28 +438,25 @@ def test_a_fish_that_rests_and_crosses_once_is_moved_to_where_it_fits(height, ce
     assert find_shift_into(bodies * 1.05, arena, length) is None
 
 
-@pytest.mark.parametrize("placement", ["fit", "shrink"])
-@pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
-def test_a_fish_in_postures_of_the_film_is_kept_in_the_tank(
-    mirrored_material, carp, points, placement
-):
+@pytest.mark.parametrize(
+    ("points", "placement"), [(("Nose", "tail_tip"), "fit"), (("centre",), "shrink")]
+)
+def test_a_fish_in_postures_of_the_film_is_kept_in_the_tank(material, carp, points, placement):
     changes = {"body_keypoints": points, "scale": 1.4}
-    free = asked_points(of_poses(tracker_poses(carp), mirrored_material, **changes))
-    arena = np.zeros_like(mirrored_material.arena)
+    free = asked_points(of_poses(tracker_poses(carp), material, **changes))
+    arena = np.zeros_like(material.arena)
     pixels = np.round(free - free.reshape(-1, 2).min(0) + 2).astype(int)
     arena[pixels[..., 1], pixels[..., 0]] = True
-    tight = mirrored_material._replace(arena=scipy.ndimage.binary_dilation(arena, np.ones((3, 3))))
+    tight = material._replace(arena=scipy.ndimage.binary_dilation(arena, np.ones((3, 3))))
     animation = of_poses(tracker_poses(carp), tight, placement=placement, **changes)
     assert animation.numbers["outside_ticks"] == 0 and animation.numbers["way_size"] == 1
-    assert (
-        np.ptp(asked_points(animation) - free, axis=(0, 1)).max() < 1e-3
-    )  # moved, all ticks alike
+    moved = asked_points(animation) - free  # all ticks alike
+    assert np.ptp(moved, axis=(0, 1)).max() < 1e-3
 
 
-@pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
-def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(mirrored_material, carp, points):
-    changes = {"body_keypoints": points, "scale": 1.4}
-    tight = mirrored_material._replace(arena=np.pad(np.ones((90, 90), bool), ((20, 60), (30, 90))))
+def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(material, carp):
+    changes = {"body_keypoints": ("centre",), "scale": 1.4}
+    tight = material._replace(arena=np.pad(np.ones((90, 90), bool), ((20, 60), (30, 90))))
     animation = of_poses(tracker_poses(carp), tight, placement="shrink", **changes)
     assert animation.numbers["outside_ticks"] == 0 and 0 < animation.numbers["way_size"] < 1
 
@@ -475,36 +464,39 @@ def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(mirrored_mater
 # --- bad input
 
 
-def test_bad_tracks_are_refused_with_what_to_do(mirrored_material, carp, tmp_path):
+TAIL_FIRST = ("tail_tip", "b3", "b2", "b1", "Nose")
+
+
+@pytest.mark.parametrize(
+    ("lost", "changes", "said"),
+    [
+        ((), {"animal": "bert"}, r"no animal 'bert'[\s\S]*anna"),
+        ((), {"body_keypoints": ("Nose", "fin")}, r"no keypoint fin[\s\S]*retarget.body_keypoints"),
+        (NAMES, {}, "no point of the tracks"),
+        (["tail_tip"], {"body_keypoints": ("Nose", "b1", "tail_tip")}, "no frame with Nose"),
+        ((), {"body_keypoints": TAIL_FIRST}, r"tail first for \d+% of its path[\s\S]*backwards=true"),
+        ((), {"body_keypoints": ("Nose", "b3", "b1", "tail_tip")}, r"back and forth[\s\S]*retarget.body_keypoints"),
+        ((), {"scale": 9.0, "placement": "fit"}, r"the tank[\s\S]*nowhere"),
+    ],
+)  # fmt: skip
+def test_bad_tracks_are_refused_with_what_to_do(material, carp, lost, changes, said):
     poses = tracker_poses(carp)
+    poses.places[:, [NAMES.index(one) for one in lost]] = np.nan
+    with pytest.raises(FinloopError, match=said):
+        of_poses(poses, material, **changes)
+
+
+def test_tracks_that_are_not_there_or_too_short_are_refused(material, carp, tmp_path):
     with pytest.raises(FinloopError, match=r"nothing at[\s\S]*correct retarget.tracks"):
-        load_track(mirrored_material, how(tracks=str(tmp_path / "none.csv")))
+        load_track(material, how(tracks=str(tmp_path / "none.csv")))
     with pytest.raises(FinloopError, match=r"no track of the film[\s\S]*correct retarget.tracks"):
-        load_track(mirrored_material, how(tracks="track:99"))
-    with pytest.raises(FinloopError, match=r"no animal 'bert'[\s\S]*anna"):
-        of_poses(poses, mirrored_material, animal="bert")
-    with pytest.raises(FinloopError, match=r"no keypoint fin[\s\S]*retarget.body_keypoints"):
-        of_poses(poses, mirrored_material, body_keypoints=("Nose", "fin"))
-    with pytest.raises(FinloopError, match="no point of the tracks"):
-        of_poses(replace(poses, places=np.full_like(poses.places, np.nan)), mirrored_material)
-    lost = poses.places.copy()
-    lost[:, NAMES.index("tail_tip")] = np.nan
-    with pytest.raises(FinloopError, match="no frame with Nose"):
-        of_poses(
-            replace(poses, places=lost),
-            mirrored_material,
-            body_keypoints=("Nose", "b1", "tail_tip"),
-        )
+        load_track(material, how(tracks="track:99"))
     with pytest.raises(FinloopError, match=r"without a gap has 1 frames[\s\S]*shorter gaps"):
-        of_poses(tracker_poses(carp[:1]), mirrored_material)
-    tail_first = ("tail_tip", "b3", "b2", "b1", "Nose")
-    with pytest.raises(FinloopError, match=r"tail first for \d+% of its path[\s\S]*backwards=true"):
-        of_poses(poses, mirrored_material, body_keypoints=tail_first)
-    of_poses(poses, mirrored_material, body_keypoints=tail_first, allow_backwards=True)
-    with pytest.raises(FinloopError, match=r"back and forth[\s\S]*retarget.body_keypoints"):
-        of_poses(poses, mirrored_material, body_keypoints=("Nose", "b3", "b1", "tail_tip"))
-    with pytest.raises(FinloopError, match=r"the tank[\s\S]*nowhere"):
-        of_poses(tracker_poses(carp), mirrored_material, scale=9.0, placement="fit")
+        of_poses(tracker_poses(carp[:1]), material)
+
+
+def test_a_fish_may_swim_backwards_where_that_is_allowed(material, carp):
+    of_poses(tracker_poses(carp), material, body_keypoints=TAIL_FIRST, allow_backwards=True)
     assert forward_share(carp[:, ::-1]) == pytest.approx(1 - forward_share(carp))
 
 
@@ -545,9 +537,8 @@ def test_a_track_of_another_film_is_swum_and_drawn(folder, tmp_path, monkeypatch
     # the film itself by way of its files: only what the bends alone say is lost
     features = pd.read_parquet(folder / "data/features/features.parquet")
     track = features[features["track_id"] == features["track_id"].mode()[0]]
-    off = np.hypot(
-        *(edit[["x_px", "y_px"]].to_numpy() - told["scale"] * track[["x_px", "y_px"]]).to_numpy().T
-    )
+    places = ["x_px", "y_px"]
+    off = distances(edit[places].to_numpy(), told["scale"] * track[places].to_numpy())
     assert np.median(off) < 0.02 * track["body_length_px"].median()
 
 

@@ -89,41 +89,28 @@ def track(number: int, seed: int, mirror: int = 1, scale: float = 1.0) -> pd.Dat
     length = LENGTH * scale
     way = np.array(speed)[:, None] / RATE * length * np.stack([np.cos(angle), -np.sin(angle)], 1)
     place = 500 + np.cumsum(way, axis=0)
-    return pd.DataFrame(
-        {
-            "track_id": number,
-            "frame": np.arange(len(place)),
-            "x_px": place[:, 0],
-            "y_px": place[:, 1],
-            "heading_deg": heading,
-            "body_length_px": length,
-            "bend": bent,
-            "motion_area_rel": np.abs(bent) / 0.1,
-            "swimming_type": typed.astype(int),
-            "current": 0.0,
-        }
-    )
+    return pd.DataFrame({
+        "track_id": number, "frame": np.arange(len(place)), "x_px": place[:, 0],
+        "y_px": place[:, 1], "heading_deg": heading, "body_length_px": length, "bend": bent,
+        "motion_area_rel": np.abs(bent) / 0.1, "swimming_type": typed.astype(int), "current": 0.0,
+    })  # fmt: skip
 
 
 def lessons(mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
-    """Four such tracks."""
     return pd.concat([track(i, i, mirror, scale) for i in range(4)], ignore_index=True)
 
 
 def learnt(table: pd.DataFrame, rate: float = RATE) -> MotionStatistics:
-    """What a feature table teaches."""
     return learn_motion(table, rate, DELTA)
 
 
 @cache
 def lesson() -> MotionStatistics:
-    """What the lessons teach."""
     return learnt(lessons())
 
 
 @cache
 def phases(rate: float = RATE) -> Phases:
-    """The phases of straight swimming of the lessons."""
     return learn_phases(learnt(lessons(), rate), settings("network"))
 
 
@@ -135,11 +122,8 @@ def brisk() -> FastFish:
 
 def planning(**changes) -> AllSettings:
     """The parameters of the planner of `matching`, some changed."""
-    common, own = (
-        set(read_conf_values("animate", "default")),
-        set(read_conf_values("matching", "default")),
-    )
-    assert set(changes) <= common | own
+    common, own = (read_conf_values(word, "default") for word in ("animate", "matching"))
+    assert changes.keys() <= common.keys() | own.keys()
     return merge_settings(
         settings("animate", **{k: v for k, v in changes.items() if k in common}),
         settings("matching", **{k: v for k, v in changes.items() if k in own}),
@@ -158,24 +142,15 @@ def sprites() -> pd.DataFrame:
         for i in range(count):
             cycle = side == 0
             phase = "cycle" if cycle else "in" if i < 4 else "hold" if i == 4 else "out"
-            rows.append(
-                {
-                    "sequence": sequence,
-                    "step": i,
-                    "phase": phase,
-                    "frame": 100 * len({r["sequence"] for r in rows} | {sequence}) + i,
-                    "scale": 1.0,
-                    "head_offset_deg": 0.0,
-                    "motion_area_rel": 0.05 if cycle else shape[i],
-                    "forward": 0.08,
-                    "sideways": 0.0,
-                    "turn_deg": 0.0 if cycle else side * 120 * shape[i] / shape.sum(),
-                    "orientations": ORIENTATIONS,
-                    "row": 10 * len(rows),
-                    "mirrored": sequence == "right",
-                    "heading_deg": 0.0,
-                }
-            )
+            rows.append({
+                "sequence": sequence, "step": i, "phase": phase,
+                "frame": 100 * len({r["sequence"] for r in rows} | {sequence}) + i, "scale": 1.0,
+                "head_offset_deg": 0.0, "motion_area_rel": 0.05 if cycle else shape[i],
+                "forward": 0.08, "sideways": 0.0,
+                "turn_deg": 0.0 if cycle else side * 120 * shape[i] / shape.sum(),
+                "orientations": ORIENTATIONS, "row": 10 * len(rows), "mirrored": sequence == "right",
+                "heading_deg": 0.0,
+            })  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -183,7 +158,6 @@ class Model:
     """A stand-in for the trained network: the area is in proportion to the included angle."""
 
     def predict(self, inputs: np.ndarray) -> np.ndarray:
-        """Motion area and swimming type (n, 2)."""
         assert inputs.shape[1] == 4
         angle = inputs[:, 3]
         return np.stack([np.clip(np.abs(angle) / 100, 0, 1), np.sign(angle)], 1)
@@ -215,7 +189,6 @@ def arc_track(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
 
 
 def table_of(*tracks):
-    """Tracks one after the other."""
     return pd.concat([t.assign(track_id=i) for i, t in enumerate(tracks)], ignore_index=True)
 
 
@@ -267,13 +240,11 @@ def rich(seed=0, heading=True):
 
 @cache
 def rich_table() -> pd.DataFrame:
-    """The rows of the rich film."""
     return rich()[0]
 
 
 @cache
 def rich_film() -> MotionGraph:
-    """The rich film."""
     return film_of(*rich())
 
 
@@ -338,7 +309,6 @@ def crowd_player(overlap=False) -> Planner:
 
 
 def narrow_tank() -> Tank:
-    """A tank with room for a few fish."""
     arena = np.zeros((80, 130), bool)
     arena[10:70, 10:120] = True
     return make_tank(arena, 0.6 * LENGTH)
@@ -387,7 +357,6 @@ def hybrid_of(film_=None, world=None, gates=None) -> Hybrid:
 
 
 def paper_player(mode: PaperMode, join="fade", hulls=(HULL, HULL)) -> PaperPlayer:
-    """A player of a mode of the paper."""
     network = mode if isinstance(mode, Network) else getattr(mode, "network", None)
     play = mode if isinstance(mode, Loops) else getattr(mode, "loops", None)
     film_ = rich_film() if play is None else play.film
@@ -399,7 +368,6 @@ def paper_player(mode: PaperMode, join="fade", hulls=(HULL, HULL)) -> PaperPlaye
 
 
 def players_of(own_world=None, gates=None, hulls=(HULL, HULL)) -> dict[str, AnyPlayer]:
-    """A player a mode."""
     own_world = film_world_of() if own_world is None else own_world
     world = world_of(own_world.tank, own_world.motion)
     hybrid = hybrid_of(own_world.film, world, gates)
@@ -420,12 +388,10 @@ def shapes() -> PoseShapes:
 def bodies_of(film_: MotionGraph) -> Bodies:
     """Postures of a film's rows, which change little by little, and of the sprites."""
     rng, n = np.random.default_rng(4), len(film_.has_next)
-    codes = scipy.ndimage.gaussian_filter1d(
-        rng.normal(0, 0.8, (n, len(shapes().shapes))), 2, axis=0
-    )
-    pose = Pose(
-        film_.x, film_.y, np.radians(film_.heading), LENGTH / film_.scale, shapes().decode(codes)
-    )
+    noise = rng.normal(0, 0.8, (n, len(shapes().shapes)))
+    codes = scipy.ndimage.gaussian_filter1d(noise, 2, axis=0)
+    heading, postures = np.radians(film_.heading), shapes().decode(codes)
+    pose = Pose(film_.x, film_.y, heading, LENGTH / film_.scale, postures)
     table = sprites()
     return Bodies(
         FilmPoses(pose, codes, shapes(), False, 0.0, 3.0), film_.has_next.copy(),
@@ -446,11 +412,9 @@ def shoaling(zones: Zones) -> SchoolRule:
 
 
 def spot(x, y, touch=TOUCH, head=HEAD) -> Target:
-    """A place to swim to."""
     return Target(float(x), float(y), touch, head)
 
 
 def edit_of(player, goals, ticks, seed) -> tuple[Swim, pd.DataFrame]:
-    """A swim, and its edit list."""
     found = animate_fish(player, goals, ticks, np.random.default_rng(seed))
     return found, build_edit_list(found, ticks, player.edit_inputs)
