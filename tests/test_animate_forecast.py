@@ -12,7 +12,7 @@ from finloop.animate.paths import lay_path
 from finloop.animate.shoal import animate_fish
 from finloop.animate.state import Fish, State
 from finloop.base.line import PX, Line
-from finloop.edit.schema import FORECAST, FRAME, Goal
+from finloop.edit.schema import FORECAST, Goal
 from finloop.forecast.film import MOTION, compute_film_states, split_held_out
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import build_similarity_graph
@@ -65,7 +65,7 @@ def player(**film):
     return replace(matching_of(), world=world, film=None, prediction=by_forecast)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_all_goals_are_reached_within_the_tank(seed):
     fish = player()
     animation = animate_fish(fish, GOALS, 2500, np.random.default_rng(seed))
@@ -82,15 +82,6 @@ def test_a_goal_at_a_wall_is_reached_by_the_head():
     assert (animate_fish(fish, [goal], 1500, np.random.default_rng(0)).reached >= 0).all()
 
 
-def test_what_is_shown_is_the_row_turned_to_the_fishs_heading():
-    fish = player()
-    for one in animate_fish(fish, GOALS, 300, np.random.default_rng(0)).stretches:
-        assert one.kind == FRAME and one.state == FORECAST
-        shown = fish.world.film.heading[one.number] + one.rot
-        assert np.allclose(np.cos(np.radians(shown - one.trajectory[:, 2])), 1)
-        assert (np.diff(one.number) == 1).all()
-
-
 def test_the_fish_moves_as_is_foretold():
     fish = player()
     state = fish.begin(np.random.default_rng(1))
@@ -100,20 +91,6 @@ def test_the_fish_moves_as_is_foretold():
     speed = np.hypot(*np.diff(way, axis=0).T) / LENGTH * RATE
     states = stretch.past[-len(stretch.trajectory) :]
     assert np.allclose(speed, np.hypot(states[:, -3], states[:, -2]))
-
-
-def test_the_same_draws_give_the_same_swim():
-    ways = [
-        np.concatenate(
-            [
-                s.trajectory
-                for s in animate_fish(player(), GOALS, 300, np.random.default_rng(k)).stretches
-            ]
-        )
-        for k in (4, 4, 5)
-    ]
-    assert np.array_equal(ways[0], ways[1])
-    assert not np.array_equal(ways[0][:100], ways[2][:100])
 
 
 def test_a_stretch_that_is_cut_leaves_the_fish_as_it_was_then():
@@ -191,9 +168,9 @@ def test_rows_that_only_lead_round_among_themselves_are_not_followed():
 def test_a_fish_from_sprites_or_from_the_film_goes_on():
     one = replace(player(), sprite_rows=np.arange(60))
     for fish in (
-        Fish(300, 300, 0.0, 2.0, 0, sprite=7),
-        Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=2999),
-        Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=1),
+        Fish(300.0, 300.0, 0.0, 2.0, 0, sprite=7),
+        Fish(300.0, 300.0, 0.0, 2.0, 5, sprite=-1, row=2999),
+        Fish(300.0, 300.0, 0.0, 2.0, 5, sprite=-1, row=1),
     ):
         stretch, later = one.plan(State(fish, np.zeros(2)), GOALS[0], np.random.default_rng(0))
         assert later.fish.past is not None and later.fish.row == stretch.number[-1]

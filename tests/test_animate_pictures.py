@@ -180,9 +180,8 @@ def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(pictures):
         cutout, centre = pictures.reel.film[row], pictures.reel.centres_px[row]
         wanted = draw_centred_cutout(cutout, centre, LENGTH, SIZE, 25.0)
         assert np.array_equal(pictures(FRAME, row, pd.NA, 25.0, 1.0, False), wanted)
-    one, twice = (
-        pictures(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1].sum() for scale in (1.0, 2.0)
-    )
+    drawn = (pictures(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1] for scale in (1.0, 2.0))
+    one, twice = map(np.sum, drawn)
     assert twice > 2.5 * one  # 4, but for what reaches beyond the edge
     assert SPAN < 2
 
@@ -283,9 +282,8 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
 
 
 def plain_and_posed(edit: pd.DataFrame, shown: Pictures):
-    return zip(
-        draw_edit_list(edit, shown), draw_edit_list(in_own_pose(edit, shown), shown), strict=True
-    )
+    own = draw_edit_list(in_own_pose(edit, shown), shown)
+    return zip(draw_edit_list(edit, shown), own, strict=True)
 
 
 def test_in_its_own_pose_a_picture_is_drawn_as_without_one(pictures):
@@ -304,9 +302,8 @@ def test_a_sprite_in_its_own_pose_is_its_row_turned(pictures):
 
 
 def test_a_mirrored_picture_is_mirrored_about_its_heading(pictures):
-    one, other, back = (
-        pictures(FRAME, 3, pd.NA, -30.0, 1.0, mirrored) for mirrored in (False, True, False)
-    )
+    drawn = [pictures(FRAME, 3, pd.NA, -30.0, 1.0, flip) for flip in (False, True, False)]
+    one, other, back = drawn
     assert np.abs(one[::-1] - other).max() < 0.2  # its heading is 30°: both head right
     assert np.array_equal(one, back)
 

@@ -96,11 +96,8 @@ def test_true_gamma_comes_to_that_of_the_clock_as_the_swing_becomes_small():
     for scale in (1.0, 0.25, 0.025):
         dog = DogFilm(stride=0.4 * scale, lift=0.08 * scale**3, bob=0.0)
         found = true_gamma(dog, 64)
-        off = [
-            abs(found[n][label] - foot_gammas(dog, n)["AB".index(label)])
-            for n in NAMES
-            for label in "AB"
-        ]
+        pairs = ((n, label) for n in NAMES for label in "AB")
+        off = [abs(found[n][at] - foot_gammas(dog, n)["AB".index(at)]) for n, at in pairs]
         apart.append(max(off))
     assert apart[0] > 0.1  # at full swing points go on arcs
     assert apart[0] > apart[1] > apart[2]

@@ -13,7 +13,6 @@ from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, random_swimmer, uns
 
 from finloop.base.errors import FinloopError
 from finloop.base.nearest import assign_parts
-from finloop.base.stretches import longest_repeated_run
 from finloop.forecast import neighbours
 from finloop.forecast.assess import (
     autocorrelation,
@@ -51,9 +50,8 @@ def learnt(film):
 
 @pytest.fixture(scope="module")
 def swim(film, learnt):
-    return build_sampler(
-        film, learnt[0], build_similarity_graph(film, plain(film), unseen, HOW), HOW
-    )
+    graph = build_similarity_graph(film, plain(film), unseen, HOW)
+    return build_sampler(film, learnt[0], graph, HOW)
 
 
 def rng(seed=0):
@@ -263,9 +261,8 @@ def test_a_sampler_takes_means_that_were_predicted_before(film, learnt, swim):
     again = build_sampler(film, learnt[0], (swim.start, swim.to), HOW, 2 * swim.mean)
     assert np.array_equal(again.mean, 2 * swim.mean)
     rows = film.rows[:50]
-    assert np.allclose(
-        swim.mean[rows], learnt[0].predict_means(film.past(rows), film.control[rows])
-    )
+    means = learnt[0].predict_means(film.past(rows), film.control[rows])
+    assert np.allclose(swim.mean[rows], means)
 
 
 def test_in_the_long_run_all_rows_are_visited_alike(swim):
@@ -373,11 +370,6 @@ def test_ahead_of_one_tick_is_the_mean(film, learnt):
     rows = sides.held_out[:10]
     one = roll_out_means(replace(film, delta=1), model, rows)
     assert np.allclose(one, model.predict_means(film.past(rows), film.control[rows]))
-
-
-def test_the_longest_repeat_is_that_of_a_drawn_series():
-    assert longest_repeated_run(np.array([1, 2, 3, 4, 2, 3, 9])) == 2
-    assert longest_repeated_run(np.arange(5)) == 0
 
 
 def test_the_autocorrelation_of_a_wave_is_a_cosine():

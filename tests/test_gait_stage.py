@@ -41,18 +41,16 @@ def toy_fish(frames: int, beats: bool) -> tuple[np.ndarray, np.ndarray]:
     upper, lower = backbone - [[0, 1]] * width[:, None], backbone + [[0, 1]] * width[:, None]
     ring = np.concatenate([upper, lower[:, ::-1]], axis=1)
     picked = np.linspace(0, ring.shape[1], OUTLINE_POINTS, endpoint=False)
-    outline = np.stack(
-        [[np.interp(picked, np.arange(66), f[:, c], period=66) for c in range(2)] for f in ring]
-    )
-    return backbone, outline.transpose(0, 2, 1)
+    at = np.arange(66)
+    outline = [[np.interp(picked, at, one[:, c], period=66) for c in range(2)] for one in ring]
+    return backbone, np.transpose(outline, (0, 2, 1))
 
 
 def put_fish(folder: Path, *beats: bool, frames: int = 50) -> None:
     """What the stages before make of fish that beat their tails or are stiff."""
     put_clip(folder, [np.zeros((16, 16), np.uint8)] * 2, RATE)
-    save_record(
-        folder / "data/extract/scene.json", SceneFacts("dark", 1, 5, 300, 60, 50, "all", 33)
-    )
+    facts = SceneFacts("dark", 1, 5, 300, 60, 50, "all", 33)
+    save_record(folder / "data/extract/scene.json", facts)
     tracks, features = [], []
     for number, beating in enumerate(beats):
         backbone, outline = toy_fish(frames, beating)
@@ -96,8 +94,8 @@ gait_run = stage_run("gait")
 TABLES = {"by_contour.csv", "by_scale.csv", "gamma.csv", "tracks.csv"}
 
 
-def drawings() -> set[str]:
-    return {f"{n}{e}" for n in ("dog", "fish") for e in (".svg", ".webp", ".mp4", ".lottie.json")}
+DRAWN = {f"{n}{e}" for n in ("dog", "fish") for e in (".svg", ".webp", ".mp4", ".lottie.json")}
+MADE = TABLES | DRAWN | {"dog_film.mp4", "regions", "limbs.json"}
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -109,11 +107,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(gait_run, folder):
     for out in named:
         assert (folder / out).exists(), out
     made_here = {path.name for path in (folder / "data/gait").iterdir()}
-    assert made_here - {"outline.json"} == drawings() | TABLES | {
-        "dog_film.mp4",
-        "regions",
-        "limbs.json",
-    }
+    assert made_here - {"outline.json"} == MADE
     for number in range(8, 15):
         assert load_picture(folder / f"reports/gait/figures/limbs/fig{number}.png").std() > 5
     numbers = load_numbers(folder / "reports/gait")
@@ -136,12 +130,7 @@ def test_of_two_fish_the_one_that_beats_its_tail_has_a_gait(folder, monkeypatch)
     put_fish(folder, True, False)
     stages.gait.main()
     made_here = {path.name for path in (folder / "data/gait").iterdir()}
-    assert made_here == drawings() | TABLES | {
-        "dog_film.mp4",
-        "regions",
-        "limbs.json",
-        "outline.json",
-    }
+    assert made_here == {*MADE, "outline.json"}
     figures_here = {path.name for path in (folder / "reports/gait/figures/outline").iterdir()}
     assert figures_here == {f"fig{number}.png" for number in range(8, 15)}
     numbers = load_numbers(folder / "reports/gait")
@@ -179,12 +168,9 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     [
         (("gait.contour_points=100",), "power of two"),
         (("gait.limbs=regions",), "regions_rate_hz"),
-        (
-            ("gait.walker_drawings=[data/drawings/dog_1.svg,data/drawings/fish_2.svg]",),
-            "do not match",
-        ),
+        (("gait.walker_drawings=[data/drawings/dog_1.svg,data/drawings/fish_2.svg]",), "do not match"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_is_said_and_nothing_is_lost(folder, asked, said):
     (folder / "data/gait").mkdir(parents=True)
     (folder / "data/gait/kept.txt").write_text("kept")

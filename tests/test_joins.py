@@ -56,9 +56,8 @@ def heading(shown, found):
 
 
 SHAPES = BODIES.poses.shapes
-FREE = replace(
-    HOW, bodies=replace(BODIES, poses=replace(BODIES.poses, shapes=replace(SHAPES, gap=1e9)))
-)
+POSES = replace(BODIES.poses, shapes=replace(SHAPES, gap=1e9))
+FREE = replace(HOW, bodies=replace(BODIES, poses=POSES))
 """The same film, in which every posture is possible."""
 
 
@@ -121,9 +120,10 @@ def test_while_the_film_rests_what_a_join_left_stays_as_it_is():
     assert np.allclose(stays[35:45], stays[34], atol=1e-6) and np.abs(stays[34]).max() > 0.05
     assert np.allclose(np.delete(held.turn_deg, np.r_[35:45]), turn[:count])
     assert held.posed.sum() == free.posed.sum() + 10
-    assert (
-        resting.count_moving(FRAME, shown.number) == resting.count_moving(SPRITE, shown.number) - 10
+    frames_moving, sprites_moving = (
+        resting.count_moving(kind, shown.number) for kind in (FRAME, SPRITE)
     )
+    assert frames_moving == sprites_moving - 10
 
 
 def test_two_joins_in_a_row_carry_the_rest():

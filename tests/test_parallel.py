@@ -67,9 +67,8 @@ def test_each_item_is_worked_once(kind, workers):
 def test_results_come_in_order_and_not_as_they_end(workers, tmp_path):
     for even in range(0, 12, 2):
         os.mkfifo(tmp_path / str(even))
-    results = list(
-        ordered_map(after_the_next, [(tmp_path, k) for k in range(12)], Processes(workers))
-    )
+    jobs = [(tmp_path, number) for number in range(12)]
+    results = list(ordered_map(after_the_next, jobs, Processes(workers)))
     assert [number for number, _ in results] == list(range(12))
     places = {place for _, place in results}
     assert len(places) >= 2 and os.getpid() not in places
@@ -99,7 +98,7 @@ def test_an_error_in_a_worker_is_the_same_error_here(workers):
 @pytest.mark.parametrize("workers", [Processes(1), Processes(2), Threads(2)], ids=str)
 def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path):
     results = ordered_map(note_job, ((tmp_path, number) for number in range(60)), workers)
-    for taken in range(1, 20):
+    for taken in range(1, 9):
         next(results)
         most = taken + workers.count + 1
         assert not wait_for(lambda most=most: len(list(tmp_path.iterdir())) > most, 0.02)
@@ -161,9 +160,8 @@ def test_workers_do_not_free_what_their_parent_opened(tmp_path, garbage):
 
 def test_what_a_killed_worker_held_is_done_again(tmp_path):
     jobs = [(tmp_path, number) for number in range(6)]
-    assert list(ordered_map(is_killed_once, jobs, Processes(2))) == [
-        number**2 for number in range(6)
-    ]
+    squares = [number**2 for number in range(6)]
+    assert list(ordered_map(is_killed_once, jobs, Processes(2))) == squares
     assert (tmp_path / "killed").exists()
 
 

@@ -43,15 +43,12 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         assert project.arena.shape == project.background.shape[:2]
         assert len(project.reel) == len(project.film_reel) == len(project.outlines.outline_px)
         assert len(project.step_distances) and len(project.jumps) and project.loops is not None
-        assert project.school_rule.horizon and project.has_forecast == (
-            project.forecast_sampler is not None
-        )
+        assert project.school_rule.horizon
+        assert project.has_forecast == (project.forecast_sampler is not None)
     assert len(loaded) > 8 and set(loaded.values()) == {1}
     project.forget("step_distances")
-    assert (
-        len(project.step_distances)
-        and loaded.pop(project.data / "distance/steps/steps.parquet") == 2
-    )
+    steps = project.data / "distance/steps/steps.parquet"
+    assert len(project.step_distances) and loaded.pop(steps) == 2
     assert set(loaded.values()) == {1}
 
 
@@ -60,10 +57,8 @@ def test_parts_of_a_project_belong_to_each_other(project):
     assert project.reel.film is project.film_reel.film is project.cutouts
     columns = project.tracks(["x_px", "y_px"])
     assert list(columns) == ["x_px", "y_px"] and len(columns) == len(project.features)
-    assert (
-        project.edit_list("network", "render")
-        is project.edit_with_sources("network", "render").edit
-    )
+    edit = project.edit_list("network", "render")
+    assert edit is project.edit_with_sources("network", "render").edit
     assert project.goals("network") and project.drawn_scale("network") > 0
 
 

@@ -138,9 +138,8 @@ def test_sprites_are_turned_and_mirrored_as_their_pictures_are(sprite, orientati
         mirror_axis_deg=one.heading_deg if one.mirrored else None,
     )  # fmt: skip
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
-    painter.draw(
-        90, 75, TurnedPicture(pad_picture(shown.pixels, x - shown.x0_px, y - shown.y0_px), 20.0)
-    )
+    picture = pad_picture(shown.pixels, x - shown.x0_px, y - shown.y0_px)
+    painter.draw(90, 75, TurnedPicture(picture, 20.0))
     edit = edit_list(1, kind="sprite", source=sprite, orientation=orientation, rotation_deg=20.0)
     assert overlap(fish_mask(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
