@@ -37,8 +37,9 @@ from stages.run import report_progress
 OUT = Path("data/animate")
 OpenMode = Callable[[Project], Any]  # returns an Animator
 SaveMore = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
-"""Writes further files of a mode to a folder, of its animator, one swim per fish and edit list;
-returns further numbers by name."""
+"""Writes further files of a mode to a folder, and returns further numbers by name.
+
+It is called with the folder, the mode's animator, a swim per fish, and the edit list."""
 
 
 def write_animation(mode: str, open_mode: OpenMode, save_more: SaveMore | None = None) -> None:
@@ -97,10 +98,10 @@ def _report_size_and_tank(mode: str, animator: Animator, p: Any) -> None:
 def _save_animation(
     folder: Path, mode: str, animator: Animator, project: Project, save_more: SaveMore | None
 ) -> pd.DataFrame:
-    """Plan the animation of a mode and measure it; write both to `folder`; return the edit list.
+    """Plan the animation of a mode, and write its facts and measures to `folder`.
 
     The files are goals.json, drawn.json (the scale of the fish), measures.json, motion.parquet, and
-    those of `save_more`.
+    those of `save_more`. Return the edit list.
     """
     goals = animator.goals()
     animator.check_room(goals)
@@ -120,7 +121,7 @@ def _save_animation(
         numbers |= save_more(folder, animator, swims, edit)
     save_json(folder / "measures.json", _finite_numbers(numbers))
     motions = [measures.motion_of_edit(fish_edit, player) for fish_edit in fish_edits]
-    speed, turn_rate = np.concatenate(motions, axis=1)
+    speed, turn_rate = np.concatenate(motions, axis=1)  # of all fish, one after the other
     moves = measures.kinematics_table({mode: (speed, turn_rate)})
     save_table(folder / "motion.parquet", moves, measures.KINEMATICS)
     return edit
@@ -177,9 +178,9 @@ def _measure_trials(open_mode: OpenMode, mode: str, trials: int, pool: Workers) 
 
     The result is empty without trials. Trial k has the seed k.
     """
-    # One lot of seeds per worker, rounded up: to open the mode takes long.
-    lot = max(1, -(-trials // pool.count))
-    lots = [range(trials)[first : first + lot] for first in range(0, trials, lot)]
+    # A lot of seeds for each worker, as few lots as possible: to open the mode takes long.
+    lot_size = max(1, -(-trials // pool.count))  # rounded up
+    lots = [range(trials)[first : first + lot_size] for first in range(0, trials, lot_size)]
     trial_measures: list[dict[str, float]] = []
     with report_progress(f"modes-{mode}", trials, "trials") as advance:
         for lot_measures in ordered_map(partial(_measure_seeds, open_mode), lots, pool):

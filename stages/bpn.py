@@ -34,26 +34,26 @@ def main() -> None:
     project = Project()
     rate_hz, table = project.rate_hz, project.features
     rows = pair_rows_with_later(table, infer_delta_frames(table))
-    splits = [split_rows_if_possible(rows, p)]  # masks (n,): rows to train with, rows held out
-    if not splits[0][1].any():
+    train, held_out = split_rows_if_possible(rows, p)  # masks (n,)
+    splits = masks = [(train, held_out)]
+    if not held_out.any():
         print(f"bpn: so short a film trains the network with all {len(rows.inputs)} rows; none is "
               "held out, so its error on other film is unknown", file=sys.stderr)  # fmt: skip
     # The other split tests the network on other times, or on other fish.
     with suppress(FinloopError):  # one track, or too short
-        splits.append(split_rows(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p))
-
-    # The learning curve of the other network is not kept, so it needs no held-out rows.
-    masks = [splits[0], *((train, np.zeros_like(train)) for train, _ in splits[1:])]
+        other = split_rows(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p)
+        splits = [*splits, other]
+        # The learning curve of the other network is not kept, so it needs no held-out rows.
+        masks = [*masks, (other[0], np.zeros_like(other[0]))]
     with report_progress("bpn", p.epochs * len(splits), "epochs") as advance:
         trained = [train_on_film_rows(rows, split, p, rate_hz, advance) for split in masks]
-
     metrics, *other_metrics = (
         assess_model(model, rows, *split) for (model, _), split in zip(trained, splits, strict=True)
     )
     for values in other_metrics:
         names = [name for name in values if "held_out" in name or "skill" in name]
         metrics |= {f"other_split_{name}": values[name] for name in names}
-    (model, curve), (_, held_out) = trained[0], splits[0]
+    model, curve = trained[0]
     save_json(OUT / "model.json", model.record(), indent=1)
     save_bytes(OUT / "model.onnx", export_onnx_bytes(model))
     save_csv(REPORT / "curve.csv", curve, decimals=5)

@@ -32,18 +32,18 @@ OUT, REPORT = Path("data/calibrate"), Path("reports/calibrate")
 
 
 def rows_of_first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
-    """Return the rows of the feature table that show the first film; all rows of a single film.
+    """Return the rows of the feature table that show the first of several films; all rows of one.
 
-    clip: folder of the clip. Its arena, from which walls are known, is that of the first film.
+    clip: folder of the clip. It knows the walls of the first film alone.
     """
     parts = load_readable_parts(clip)
     return features[features["frame"] < parts[0].stop] if parts else features
 
 
 def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
-    """Simulate the fish as points, with the zones ("zones") and without zones ("alone").
+    """Simulate the film's fish as points, once with its zones and once without zones.
 
-    Return a table of each group's measures, columns of `SHOAL`, by these names.
+    Return a table of each group's measures, columns of `SHOAL`, by the names "zones" and "alone".
     """
     rows, tables = film.rows_with_whole_steps(p.rows), {}
     for name, group_zones in (("zones", zones), ("alone", NO_ZONES)):
@@ -54,11 +54,11 @@ def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, 
 
 
 def _save_rule(folder: Path, rule: SchoolRule) -> None:
-    """Write how a film's fish swim in a group (zones.json, steps.parquet) to `folder`.
+    """Write how a film's fish swim in a group to zones.json and steps.parquet in `folder`.
 
-    `Project.school_rule` loads it. The rule is the zones, in which fish repel, align with and
-    attract each other, and the fish's own steps: how many frames one lasts (`horizon`), and from
-    how many similar ones it is drawn (`alike`).
+    `Project.school_rule` loads it. rule: the zones, in which fish repel, align with and attract
+    each other; and the fish's own steps, which last `horizon` frames each. A step is drawn from
+    those `alike` steps of the film that are most similar.
     """
     steps = rule.steps
     save_json(folder / "zones.json", {

@@ -55,7 +55,8 @@ def main() -> None:
 def settings_of_films(p: FootageSettings) -> list[FootageSettings]:
     """Return the parameters of each film that `p.path` names, in order.
 
-    That path can be a file, a pattern, a folder, or a list of them, each with its own parameters.
+    `p.path` can be a file, a pattern, a folder, or a list of these. Films of a list can have
+    parameters of their own.
     """
     return [
         replace(path_settings, path=str(film))
@@ -65,9 +66,10 @@ def settings_of_films(p: FootageSettings) -> list[FootageSettings]:
 
 
 def drop_repeated_films(films: list[FootageSettings]) -> list[FootageSettings]:
-    """Return the films without repeats, files named twice with equal parameters.
+    """Return the films without repeats, with a printed warning for each.
 
-    films: parameters of each film. A warning is printed for each repeat.
+    films: parameters of each film. A repeat names the same file as an earlier film, perhaps by a
+    link, and has the same parameters.
     """
     first_by_file = dict[FootageSettings, FootageSettings]()
     for film in films:
@@ -95,7 +97,7 @@ def _write_clip(
         print(f"finloop: WARNING: {note}", file=sys.stderr)
     if isinstance(p, FootageSettings):
         refuse_changed_film(p.film, before)
-    # Some sample frames as they come back from the clip, to measure what the coding loses.
+    # Some of the sampled frames are read from the clip, to measure what the coding loses.
     numbers = list(tally.samples)[::COMPARED_EVERY]
     coded = read_chosen_frames(folder / CLIP_NAME, numbers, colour=facts.colour, threads=1)
     filmed = [tally.samples[number] for number in numbers]
@@ -111,9 +113,9 @@ def _write_clip(
 
 
 def _film_findings(metrics: dict[str, float]) -> dict[str, list[Finding]]:
-    """Return what the check says of each film: its name, "" for a single film → findings.
+    """Return the findings on each film, by its name, which is "" for a single film.
 
-    metrics: those of the stage, by name; with several films, a film's begin with its name.
+    metrics: those of the stage, by name. With several films, a film's begin with its name.
     """
     findings = {}
     for name, _ in list_film_folders(CLIP):
@@ -132,7 +134,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
     Return all metrics; those of one film begin with its name. A clip that an earlier run made of
     the same film is reused. A film that cannot be read is left out, with a warning.
     """
-    code, parts, used = code_digest("clip"), list[FilmPart](), list[str]()
+    code, parts, digests = code_digest("clip"), list[FilmPart](), list[str]()
     numbers: dict[str, float] = {}
     named_films = list(zip(unique_film_names(p.film for p in films), films, strict=True))
 
@@ -142,21 +144,21 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
 
     with report_progress("clip", len(films), "films") as advance:
         for name, p in named_films:
-            path, clip_folder = p.film, folder / FILMS / name
-            parts.append(FilmPart(name, str(path)))
+            path, clip_folder, why_left_out = p.film, folder / FILMS / name, ""
             print(f"finloop: {name} is {path}", file=sys.stderr)
             try:
                 source = open_clip_source(p)
                 key = {"clip": asdict(p), "code": code, "film": read_file_stamps(path)}
                 make = partial(_write_clip, p, source, watch=no_progress)
-                used.append(key_digest(key))
-                metrics = reuse_or_make(KEPT / used[-1], clip_folder, make)
+                digests.append(digest := key_digest(key))
+                metrics = reuse_or_make(KEPT / digest, clip_folder, make)
                 numbers |= {f"{name}_{metric}": value for metric, value in metrics.items()}
             except FinloopError as error:
                 print(f"finloop: WARNING: {name} is left out: {error}", file=sys.stderr)
-                parts[-1] = parts[-1]._replace(error=error.came)
+                why_left_out = error.came
+            parts.append(FilmPart(name, str(path), error=why_left_out))
             advance()
-    remove_folders_except(KEPT, used)
+    remove_folders_except(KEPT, digests)
     joined_facts = join_clips(folder, parts)
     failed = sum(bool(part.error) for part in parts)
     numbers |= _fact_metrics(joined_facts)

@@ -115,13 +115,22 @@ def imported_files(file: str) -> set[str]:
         return files_of_imports(tree.body)  # those of the module, without those of the members
     files = files_of_imports([*ast.walk(tree)]) | BY_NAME.get(file, set())
     if PROJECT in files:
-        # Add what the members import that the file uses, and those that these members use.
-        members = project_members()
-        unread, used = _members_of(tree, "project") & members.keys(), set[str]()
-        while unread:
-            used.add(name := unread.pop())
-            files |= files_of_imports([*ast.walk(members[name])])
-            unread |= (_members_of(members[name], "self") & members.keys()) - used
+        files |= _files_of_members(_members_of(tree, "project"))
+    return files
+
+
+def _files_of_members(names: set[str]) -> set[str]:
+    """Return the program's files that members of `Project` import, and those that they use in turn.
+
+    names: of the members; other names are ignored.
+    """
+    members, files, used = project_members(), set[str](), set[str]()
+    unread = names & members.keys()
+    while unread:
+        name = unread.pop()
+        used.add(name)
+        files |= files_of_imports([*ast.walk(members[name])])
+        unread |= (_members_of(members[name], "self") & members.keys()) - used
     return files
 
 
@@ -141,20 +150,23 @@ def files_of_imports(nodes: list[Any]) -> set[str]:
 def _files_of_name(name: str) -> set[str]:
     """Return the files behind a dotted name: of a module, a package, or an object of either.
 
-    A lazy package stands for all modules that it offers, an object of it for its module. Of other
-    objects `module_files` leaves out their own name.
+    A package that imports lazily stands for all its modules that offer objects, and an object of
+    such a package for its module. Any other object stands for the module before its last dot.
     """
     package, _, last_part = name.rpartition(".")
     module_by_object = _lazy_objects(package)
     names = {name} | {f"{name}.{module}" for module in _lazy_objects(name).values()}
     if last_part in module_by_object:
         names.add(f"{package}.{module_by_object[last_part]}")
-    return set().union(*map(module_files, names))
+    return set().union(*map(module_files, names))  # without the name of an object
 
 
 @cache
 def _lazy_objects(package: str) -> dict[str, str]:
-    """Return object → module of what a package offers by `lazy_loader.attach`; {} without it."""
+    """Return the objects that a package offers by `lazy_loader.attach`, name → its module there.
+
+    The result is {} for a package that does not import lazily, and for a module.
+    """
     path = ROOT / package.replace(".", "/") / "__init__.py"
     if not package or not path.is_file():
         return {}
@@ -179,7 +191,7 @@ def project_members() -> dict[str, ast.FunctionDef]:
 
 
 def _members_of(tree: ast.AST, owner: str) -> set[str]:
-    """Return the names of the attributes that code uses of an object with the name `owner`.
+    """Return the names of the attributes of an object called `owner` that code uses.
 
     For the owner "project" these are x in `project.x`, `a.project.x` and `Project(…).x`.
     """

@@ -33,7 +33,7 @@ LINE = 160  # characters of the printed table; runs that do not fit stand below 
 
 
 def _load_parameters(commit: str) -> dict[str, Any]:
-    """Return a commit's parameters as `group.key` → value; lists and mappings as JSON texts."""
+    """Return a commit's parameters, `group.key` → value; lists, mappings and null as JSON texts."""
     content = yaml.safe_load(run_git("show", f"{commit}:{PARAMS}"))
     return {
         f"{group}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
@@ -77,9 +77,9 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     """Write reports/compare.html, which compares experiments; return its table as text.
 
     names: of experiments; none for all of them and the present commit. measures: numbers
-    `<stage>.<number>` to show beside the usual ones; if both names and measures are given, only the
-    numbers of their stages are read. title, why: heading and text of the page. FinloopError if a
-    name is unknown.
+    `<stage>.<number>` to show beside the usual ones. If both names and measures are given, only the
+    numbers of the measures' stages are read. title, why: heading and text of the page. FinloopError
+    if a name is unknown.
     """
     revisions = find_experiments(names) if names else list_experiments() | {BASE: "HEAD"}
     commits = {name: run_git("rev-parse", rev).strip() for name, rev in revisions.items()}
@@ -89,7 +89,7 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     numbers = load_numbers([*{*commits.values()}], sorted(stages))
     values = {name: numbers.get(commit, {}) for name, commit in commits.items()}
     table = compare_experiments(pd.DataFrame(parameters).T, pd.DataFrame(values).T, measures)
-    # Runs that differ only in their seeds are one column; the first of them is drawn.
+    # Runs that differ only in their seeds are one experiment; the first of them is drawn.
     first_commits = {run: commits[run] for run in table.first_runs}
     previews = draw_previews(first_commits, choose_mode(measures)) if "animate" in stages else {}
     notes = [f"On commit {describe_commit('HEAD')}.", describe_differing_code(commits)]

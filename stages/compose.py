@@ -93,8 +93,8 @@ def _guess_overrides(words: list[str]) -> list[str]:
 def _is_override(text: str) -> bool:
     """Return whether a text is `key=value` with one value, in Hydra's syntax.
 
-    FinloopError if it has several values, its group is unknown, or it gives a group a value that
-    cannot name a variant.
+    FinloopError if it has several values, its group is unknown, or it gives a group a value that is
+    no text and so names no variant.
     """
     try:
         override = OverridesParser.create().parse_override(text)
@@ -179,7 +179,7 @@ def load_experiment(name: str) -> Experiment:
 
 
 def _as_user_error(error: Exception, overrides: list[str]) -> FinloopError:
-    """Return an error of composing as one that says what to do; a FinloopError as it is.
+    """Return the FinloopError for an error of composing; a FinloopError is returned unchanged.
 
     overrides: those that were composed.
     """
@@ -214,10 +214,11 @@ def _as_user_error(error: Exception, overrides: list[str]) -> FinloopError:
 def _no_option_error(word: str, option: str, overrides: list[str]) -> FinloopError:
     """Return the error that a group has no such option, with the override that was probably meant.
 
-    word, option: group and option, typed as `word=option`. overrides: all that were composed.
+    word, option: what the user typed as `word=option`. word: a group, or another folder of conf/
+    such as "experiment". overrides: all that were composed.
     """
-    options = list(variants(word)) if word in GROUPS else []
-    options = options or sorted(path.stem for path in (CONF / word).glob("*.yaml"))
+    files = (CONF / word).glob("*.yaml")
+    options = list(variants(word)) if word in GROUPS else sorted(path.stem for path in files)
     if word in GROUPS and not (CONF / word / "default.yaml").is_file():
         advised = get_close_matches(option, options, n=1, cutoff=0.5) or options
         do = "type " + " or ".join(f"{word}={choice}" for choice in advised)

@@ -50,9 +50,10 @@ def _film_conflicts(values: Groups) -> Iterator[str]:
 
 
 def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> Iterator[str]:
-    """Yield a sentence if a film is missing, too short, or lacks a frame rate or its range of time.
+    """Yield a sentence if a film is missing, too short, has no frame rate, or ends before its use.
 
-    Nothing is decoded. clip: the parameters of this film. shortest: least number of frames.
+    Nothing is decoded. clip: the parameters of this film; the part from `start_s` to `end_s` is
+    used. shortest: least number of its frames.
     """
     from finloop.io.footage.film import open_stream
     from finloop.io.footage.pictures import SUFFIXES
@@ -72,12 +73,12 @@ def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> 
     else:
         with open_stream(film) as (_, stream):
             frames, rate = stream.frames, rate or stream.average_rate
-    if frames and rate:  # by the file's head; only the stage `clip` counts frames
-        end = frames / float(rate)
-        if clip["start_s"] >= end:
-            yield f"clip.start_s: {clip['start_s']:g} s, and {film} ends at {end:.4g} s"
+    if frames and rate:  # as the file states them, 0 = unknown; the stage `clip` counts frames
+        end_s = frames / float(rate)
+        if clip["start_s"] >= end_s:
+            yield f"clip.start_s: {clip['start_s']:g} s, and {film} ends at {end_s:.4g} s"
             return
-        frames = round((min(clip["end_s"] or end, end) - clip["start_s"]) * float(rate))
+        frames = round((min(clip["end_s"] or end_s, end_s) - clip["start_s"]) * float(rate))
     if 0 < frames < shortest:
         yield _too_short_text(f"clip.path: {film}", frames, shortest)
 
@@ -85,8 +86,8 @@ def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> 
 def _too_short_text(what: str, frames: int, shortest: int) -> str:
     """Return the sentence that a film is too short for tracks.
 
-    what: the parameter that names the film, to begin with. frames: those of the film. shortest:
-    least frames of a track.
+    what: the parameter that names the film, with which the sentence begins. frames: number of the
+    film's frames. shortest: least number of frames of a track.
     """
     return (
         f"{what}: {frames} frames, and a track has at least {shortest}; take more film, "
@@ -142,16 +143,16 @@ def _fish_conflicts(matching: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _mode_conflicts(values: Groups) -> Iterator[str]:
-    """Yield a sentence for each stage that is to show a retargeted track when none is named."""
+    """Yield a sentence for each stage that is to show a retargeted track, if no track is named."""
     for stage in ("render", "tank", "export"):
         if values[stage]["mode"] == "retarget" and values["retarget"]["tracks"] is None:
             yield f"{stage}.mode: retarget shows retarget.tracks, which names none"
 
 
 def _goal_conflicts(animate: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each goal that is no pair [x, y] or not in the tank, or if none is set.
+    """Yield a sentence for each goal that is no pair [x, y] or not in the tank; one without goals.
 
-    animate: the parameters of all modes.
+    animate: the parameters that all modes share.
     """
     if not animate["goals"]:
         yield "animate.goals: there are none; such as animate.goals=[[0.2,0.3],[0.8,0.7]]"

@@ -56,9 +56,9 @@ class Experiment:
     goal: str = ""
 
     def __post_init__(self) -> None:
-        """Raise ValueError if a name is unknown, or a parameter has not two different values.
+        """Raise ValueError if a stage or parameter is unknown, or the values are no sweep.
 
-        An interval counts as many values; only Optuna can take one.
+        Each parameter needs two or more different values, or an interval, which Optuna alone takes.
         """
         for name in (*self.params, *self.measures):
             stage = name.partition(".")[0]
@@ -106,10 +106,10 @@ class Experiment:
     def list_runs(self, name: str, present: Mapping[str, int]) -> dict[str, list[str]]:
         """Return every run of this sweep: name of the run → overrides `key=value`.
 
-        name: of the sweep. present: seed parameter → its present value, for each of `list_seeds`;
-        runs with the seed number s use this value + s. The last parameter varies fastest and the
-        seed number slowest, so that later runs of the same values find in the cache what no seed
-        changes. Names end in `-seed0`, `-seed1` … if there are several seeds.
+        name: of the sweep. present: seed parameter → its present value, for each of `list_seeds`.
+        The last parameter varies fastest and the number of the seed slowest, so that later runs of
+        the same values find in the cache what no seed changes. Names end in `-seed0`, `-seed1` … if
+        there are several seeds.
         """
         runs = dict[str, list[str]]()
         for seed in range(self.seeds if present else 1):
@@ -127,7 +127,7 @@ class Experiment:
         seed: number of the seed, from 0; it is added to each present value.
         """
         ending = [f"seed{seed}"] if present and self.seeds > 1 else []
-        # Git allows few other letters in the name of an experiment.
+        # Git allows few other characters in the name of an experiment.
         parts = [re.sub(r"[^\w.+-]+", "_", part) for part in (name, *pairs.values(), *ending)]
         overrides = [f"{key}={value}" for key, value in pairs.items()]
         if seed:

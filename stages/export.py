@@ -49,8 +49,8 @@ def _save_films(
     """Write the animation and each sequence of sprites as films with transparency.
 
     drawn: the edit list with its tables. Return the content of films.json: frame rate, scale, size
-    of the tank, and for each film its frames, size, whether it loops, and where it belongs: its
-    left top corner in the tank or, for sprites, the mass centre in the film.
+    of the tank, and for each film its frames, size, whether it loops, and where it belongs. That is
+    the place of its left top corner in the tank or, for sprites, of the mass centre in the film.
     """
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
@@ -58,26 +58,26 @@ def _save_films(
     # Pictures of each sequence, and the half side [px] of a square canvas that holds them all.
     cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in SEQUENCES}
     films: dict[str, Any] = {}
-
-    def write_film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
-        """Write name.webm from all pictures, and name.webp from the first `webp_ticks` of them.
-
-        There is no name.webp if `webp_ticks` is 0. crop: the part of the tank that they show. Their
-        number and size are noted in `films`.
-        """
-        path, shape = folder / name, (crop.bottom - crop.top, crop.right - crop.left, 4)
-        webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)
-        webp = AlphaWebpWriter(path.with_suffix(".webp"), shape, rate, p.webp_quality)
-        with webm, webp if webp_ticks else nullcontext():
-            for count, picture in enumerate(pictures):
-                webm.write(picture)
-                if count < webp_ticks:
-                    webp.write(picture)
-                advance()
-        films[name] = {"frames": webm.frames, "width_px": shape[1], "height_px": shape[0]}
-
     pictures_to_come = edit["tick"].nunique() + sum(len(steps) for steps, _ in cycles.values())
     with report_progress("export", pictures_to_come) as advance:
+
+        def write_film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
+            """Write name.webm from all pictures, and name.webp from the first `webp_ticks` of them.
+
+            There is no name.webp if `webp_ticks` is 0. crop: the part of the tank that the pictures
+            show. Their number and size are noted in `films`.
+            """
+            path, shape = folder / name, (crop.bottom - crop.top, crop.right - crop.left, 4)
+            webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)
+            webp = AlphaWebpWriter(path.with_suffix(".webp"), shape, rate, p.webp_quality)
+            with webm, webp if webp_ticks else nullcontext():
+                for number, picture in enumerate(pictures):
+                    webm.write(picture)
+                    if number < webp_ticks:
+                        webp.write(picture)
+                    advance()
+            films[name] = {"frames": webm.frames, "width_px": shape[1], "height_px": shape[0]}
+
         tank = FishOnlyPainter(facts.height_px, facts.width_px, channels)
         crop = box_of_all_fish(place_ticks(edit, gallery), tank)
         pictures = cut_out_fish(place_ticks(edit, gallery), tank, crop)
@@ -100,9 +100,9 @@ def _save_films(
 def _save_page(
     folder: Path, p: ExportSettings, project: Project, drawn: EditSources, ticks: int
 ) -> None:
-    """Write stimulus.html, a page that plays the animation's first `ticks` without a server.
+    """Write stimulus.html to `folder`, a page that plays the first `ticks` without a server.
 
-    folder: for the page. drawn: the edit list with its tables, also with the fish's bodies.
+    drawn: the edit list with its tables and the fish's bodies.
     """
     assert drawn.bodies is not None
     edit = drawn.edit.sort_values(["tick", "fish"], kind="stable")
@@ -116,9 +116,10 @@ def _save_page(
 
 
 def _save_tracks(folder: Path, p: ExportSettings, points: Poses, facts: VideoFacts) -> None:
-    """Write the animals' tracks as tables (tracks.csv, in mm too), and as netCDF and NWB if asked.
+    """Write the animals' tracks to `folder`: tracks.csv, and netCDF and NWB where the settings say.
 
-    points: the animals' keypoints, px; facts: about the clip.
+    Where the film's scale is known, tracks_mm.csv has them in mm. points: the animals' keypoints,
+    px; facts: about the clip.
     """
     mm_per_px = facts.mm_per_px
     save_csv_in_blocks(folder / "tracks.csv", deeplabcut_tables(points), decimals=3)
@@ -132,9 +133,10 @@ def _save_tracks(folder: Path, p: ExportSettings, points: Poses, facts: VideoFac
 
 
 def animal_names(project: Project, tracks: pd.DataFrame) -> pd.Series:
-    """Return the animal's name for each row of the table of tracks.
+    """Return the name of the animal in each row of the table of tracks.
 
-    It is the name in another program's tracks if they were given, else `animal_<identity>`.
+    It is the name in another program's tracks if they were given, else `animal_<identity>`, with
+    leading zeros so that all names have one length.
     """
     if project.external_tracks is not None:
         return project.external_tracks["animal"]

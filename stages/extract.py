@@ -14,6 +14,7 @@ import cv2
 import pandas as pd
 
 from finloop.base.errors import FinloopError
+from finloop.base.finding import Finding
 from finloop.base.parallel import Workers
 from finloop.extract.film import NoTrackError
 from finloop.extract.join_films import FilmContribution, FishScaling, join_extractions
@@ -68,18 +69,26 @@ def main() -> None:
     remove_folders_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(EXTRACT / "films.csv", pd.DataFrame(films), decimals=3)
-    # With several films the names of a film's numbers begin with its name.
-    names = [film["film"] for film in films if not film["left_out_because"]]
-    prefixes = {name: f"{name}_" for name in names} if load_readable_parts(CLIP) else {"": ""}
-    findings = {
-        name: list_findings({
+    used_films = [film["film"] for film in films if not film["left_out_because"]]
+    names = used_films if load_readable_parts(CLIP) else [""]
+    report_findings(EXTRACT, _find_doubts(numbers, names))
+
+
+def _find_doubts(numbers: dict[str, float], names: list[str]) -> dict[str, Iterator[Finding]]:
+    """Return what is doubtful in the films, name → findings.
+
+    numbers: metrics of the stage; those of one of several films begin with its name and a "_".
+    names: of the films that are used; "" for a single film.
+    """
+    findings = {}
+    for name in names:
+        prefix = f"{name}_" if name else ""
+        findings[name] = list_findings({
             key.removeprefix(prefix): value
             for key, value in numbers.items()
             if key.startswith(prefix)
-        })
-        for name, prefix in prefixes.items()
-    }  # fmt: skip
-    report_findings(EXTRACT, findings)
+        })  # fmt: skip
+    return findings
 
 
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
@@ -125,7 +134,8 @@ def _extract_film(
 def describe_given_places(numbers: Mapping[str, float]) -> Iterator[str]:
     """Yield sentences on how much of another program's file of tracks is used, and why not more.
 
-    numbers: counts of its places and animals, as in `Extraction.given`; empty without such a file.
+    numbers: counts of the file's places and animals, as in `Extraction.given`; without such a file
+    there are none, and no sentence.
     """
     if not numbers:
         return
@@ -144,16 +154,16 @@ def describe_given_places(numbers: Mapping[str, float]) -> Iterator[str]:
 def _extract_films(
     clip: Path, settings: ExtractSettings, pool: Workers, folder: Path
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
-    """Write the tracks and cut-outs of several films, a folder each, and join them.
+    """Write the tracks and cut-outs of several films, a folder each below `folder`, and join them.
 
     clip: folder of the clips. Return metrics, and a row of films.csv for each film. A film that
-    cannot be used is left out, with a warning; a film that an earlier run made is reused.
+    cannot be used is left out, with a warning. What an earlier run made of a film is reused.
     """
     numbers, parts = dict[str, float](), load_parts(clip)
     errors = {part.name: part.error for part in parts if part.error}
     jobs = []  # film, its settings, digest of what its tracks are made from
     for part in parts:
-        if part.name not in errors:
+        if not part.error:
             with _leave_out_on_error(part, errors):
                 film_settings = _settings_of_film(part, settings)
                 inputs = _track_inputs(clip / FILMS / part.name, film_settings)
@@ -181,9 +191,9 @@ def _extract_films(
 
 
 def _settings_of_film(part: FilmPart, settings: ExtractSettings) -> ExtractSettings:
-    """Return the settings with the path of one film's tracks in place of the pattern for all films.
+    """Return the settings for one film, with its own file of tracks instead of the pattern for all.
 
-    A note that says which path is used is printed. Without a pattern nothing is changed.
+    A note that says which file is used is printed. Without a pattern the settings are unchanged.
     """
     if not settings.tracks_path:
         return settings
@@ -206,9 +216,9 @@ def _leave_out_on_error(part: FilmPart, errors: dict[str, str]) -> Iterator[None
 
 
 def _film_row(contribution: FilmContribution) -> dict[str, Any]:
-    """Return one film's row of films.csv: its rows, tracks, and factors on length and light.
+    """Return one film's row of films.csv: its rows, its tracks, and factors for length and light.
 
-    The factors make its fish as long and as bright as those of the first film.
+    Multiplied by them, its fish are as long and as bright as those of the first film.
     """
     gains = contribution.like.gains or (1.0,)
     return {

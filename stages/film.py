@@ -28,11 +28,11 @@ COMMAND = "make film FILM"
 
 
 def parse_film_paths(text: str, command: str = COMMAND) -> list[str]:
-    """Return the absolute paths in the text of a variable such as FILM.
+    """Return the paths in the text of a variable such as FILM, made absolute.
 
-    command: what the user types before the `=`, such as `make film FILM`, for messages. Paths are
-    separated by spaces, unless the whole text is one path. FinloopError if the text names none, or
-    a file is missing.
+    Paths are separated by spaces, unless the whole text is one path. command: what the user types
+    before the `=`, such as `make film FILM`, for messages. FinloopError if the text names no path,
+    or a file is missing.
     """
     variable = command.rpartition(" ")[2]
     wanted = (
@@ -76,8 +76,8 @@ clip:
 def name_films(films: list[str], local: Path) -> str:
     """Write the films into the file `local`, conf/local/default.yaml; return a sentence on it.
 
-    A file that names these films already stays unchanged. Any other content is saved as a backup,
-    unless it is only what this function wrote.
+    A file that names these films already stays unchanged. Other content is replaced; it is saved as
+    a backup unless this function wrote it.
     """
     old_text = local.read_text(encoding="utf-8") if local.is_file() else ""
     old_films = _films_in_local_conf(old_text)

@@ -34,7 +34,7 @@ from stages.sweep import failure_lines, run_dvc
 FILM, KEPT = Path(".ci/fixture/film.yaml"), Path(".ci/fixture") / NUMBERS_NAME
 OUT = Path("reports/fixture")
 SIDE_STAGES = ("morph", "gait")  # stages that run beside the others: no other stage needs them
-TOLERANCE = 1e-3  # largest relative difference, and twice the largest absolute one, of like numbers
+TOLERANCE = 1e-3  # largest relative difference of like numbers; half of it: the largest absolute
 
 
 def read_tiny_film(path: Path) -> list[str]:
@@ -67,7 +67,7 @@ def compare_numbers(kept: Mapping[str, float], now: Mapping[str, float]) -> list
 
 
 def _is_same(first: float, second: float) -> bool:
-    """Return whether two whole numbers are equal, or two others in about three digits.
+    """Return whether two whole numbers are equal, or two other numbers in about three digits.
 
     Further digits depend on the processor.
     """
@@ -79,12 +79,14 @@ def _is_same(first: float, second: float) -> bool:
 def load_comparable_numbers(folder: Path) -> dict[str, float]:
     """Return the numbers of a run that git would keep, `stage.number` → value.
 
-    folder: the workspace of the run. Other numbers differ between processors; DVC caches them.
+    folder: the workspace of the run. Git keeps the numbers of stages whose metrics DVC does not
+    cache; the others differ between processors.
     """
     stages: dict[str, Any] = yaml.safe_load((folder / "dvc.yaml").read_text("utf-8"))["stages"]
     numbers: dict[str, float] = {}
     for name, stage in stages.items():
-        if any(isinstance(path, dict) for path in stage.get("metrics", [])):  # {path: cache: false}
+        # A path with an option is {path: {cache: false}}.
+        if any(isinstance(path, dict) for path in stage.get("metrics", [])):
             values = load_numbers(folder / "reports" / name)
             numbers |= {f"{name}.{key}": value for key, value in values.items()}
     return numbers

@@ -34,7 +34,7 @@ CURVE = ["epoch", "train_error", "held_out_error"]
 def _load_visible(project: Project) -> VisibleDistance:
     """Return the object that measures how unlike two rows look, in pictures and poses.
 
-    It maps files of the stage `jumps`.
+    Its pictures are memory-mapped from the stage `jumps`.
     """
     folder, poses = project.data / "jumps", project.poses
     natural = load_record(folder / "facts.json", VisibleFacts, "jumps").natural
@@ -43,10 +43,11 @@ def _load_visible(project: Project) -> VisibleDistance:
 
 
 def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return RMS errors of the motion area Δ later (the time in which motion is measured).
+    """Return the RMS errors of guesses of the motion area Δ later, by name.
 
     They are `area_rmse`, of the model, and `persistence_area_rmse`, of the guess that nothing
-    changes, as shares of the film's largest motion area; {} if no held-out row is followed for Δ.
+    changes, in shares of the film's largest motion area. Δ is the time in which motion is measured.
+    The result is {} if the film goes on for Δ after no held-out row.
     """
     features, poses, film = project.features, project.poses, project.forecast_states
     rows = parts.held_out[parts.held_out < film.count]  # the later ones are mirror images
@@ -85,7 +86,7 @@ def _measure_forecast(
 
 
 def _save_reason(folder: Path, error: FinloopError) -> None:
-    """Print why there is no model, and write it to `folder`, and a report without numbers."""
+    """Print why there is no model; write the reason to `folder`, and empty files to the report."""
     print(f"forecast: no model, so mode matching predicts nothing: {error}", file=sys.stderr)
     save_json(folder / "reason.json", {"reason": str(error)})
     save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE), decimals=4)

@@ -82,7 +82,7 @@ class GaitFit(NamedTuple):
 def _draw_figures(fit: GaitFit, folder: Path, pictures: CyclePictures | None) -> None:
     """Write Figs. 8 to 14 of the curve paper to `folder`.
 
-    pictures: of a cycle, for Fig. 8; None = it shows the contours.
+    pictures: of a cycle, for Fig. 8; None = Fig. 8 shows contours instead.
     """
     film, gait, keys, _ = fit
     samples = sort_into_subcycles(film, gait.split, gait.descriptor)
@@ -92,9 +92,10 @@ def _draw_figures(fit: GaitFit, folder: Path, pictures: CyclePictures | None) ->
 
 
 def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
-    """Fit a gait to the contours of a film, and measure its errors on held-out frames.
+    """Return a gait fitted to the contours of a film, with its errors on held-out frames.
 
-    name: of the gait. beat: its period. source: from what it is fitted, in words.
+    name: of the gait. beat: the film's gait cycle, with its frequency. source: from what the gait
+    is fitted, in words.
     """
     settings: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare_clocks(film, **settings)
@@ -107,8 +108,8 @@ def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sour
 def fit_tracks(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
     """Fit a gait to the outlines of each track of the clip; return the best fit, and a table.
 
-    The best has the clearest tail beat; it is None if no track has a steady one. The table has a
-    row for each track: its beat, its errors, and why it has no gait.
+    The best fit is that of the clearest tail beat, None if no track has a gait. The table has a row
+    for each track: its beat, its errors, and why it has no gait.
     """
     project = Project()
     rate, tracks = project.rate_hz, project.tracks(TRACKS)
@@ -164,11 +165,11 @@ def _draw_dog_film(walk: DogFilm, folder: Path) -> CyclePictures:
 
 
 def _fill_in_reference_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> None:
-    """Fill in what the γ fitted to the drawn dog's film should be, in three columns of `table`.
+    """Fill three columns of a table of γ with what γ of the drawn dog's limbs should be, in place.
 
-    table: of the gait parameter γ, a row per contour and subcycle, changed in place. true: γ of the
-    motion that the dog is drawn with; exact: γ fitted to its contours without a film between;
-    clock: γ of the foot's timing alone.
+    table: from `_gamma_table`, a row per contour and subcycle. true: γ of the motion with which the
+    dog is drawn. exact: γ fitted to its contours, which are known without a film. clock: γ of the
+    foot's timing alone. Rows of contours that are no limbs stay NaN.
     """
     # "swap": half a cycle later each limb does what its left-right partner does now.
     contours = GaitContours(
@@ -182,30 +183,32 @@ def _fill_in_reference_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSetting
     for row, (limb, subcycle) in table[["contour", "subcycle"]].iterrows():
         if limb in true:
             exact_gamma = exact.gamma[limb][subcycle][0]  # the only one: for all scales
-            foot_gamma = foot_gammas(walk, limb)["AB".index(subcycle)]  # of A, B, C and D
-            gammas = true[limb][subcycle], exact_gamma, foot_gamma
+            clock_gammas = dict(zip("ABCD", foot_gammas(walk, limb), strict=True))
+            gammas = true[limb][subcycle], exact_gamma, clock_gammas[subcycle]
             table.loc[row, ["true", "exact", "clock"]] = gammas
 
 
 def _gamma_errors(table: pd.DataFrame) -> dict[str, float]:
-    """Return the largest errors of γ by name: fitted to exact contours, and to the film.
+    """Return the largest errors of γ by name: of γ fitted to exact contours, and to the film.
 
-    From |γ| = CLEAR on an error is in % of γ, below it is absolute. table: of γ, with true values.
+    Where the true |γ| is at least CLEAR, the error is in % of it; for smaller γ it is absolute.
+    table: of γ, with the columns true, exact and gamma (fitted to the film).
     """
     numbers = {}
-    clear = table["true"].abs() >= CLEAR
+    true = table["true"].abs()
+    is_clear = true >= CLEAR
     for name, column in (("exact", "exact"), ("film", "gamma")):
         error = (table[column] - table["true"]).abs()
-        relative = error / table["true"].abs()
-        numbers[f"dog_gamma_error_{name}_pct"] = float(100 * relative[clear].max())
-        numbers[f"dog_gamma_error_{name}_small_gammas"] = float(error[~clear].max())
+        numbers[f"dog_gamma_error_{name}_pct"] = float(100 * (error / true)[is_clear].max())
+        numbers[f"dog_gamma_error_{name}_small_gammas"] = float(error[~is_clear].max())
     return numbers
 
 
 def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
-    """Return a table of the gait parameter γ, the mean over scales, per contour and subcycle.
+    """Return a table of the gait parameter γ, a row per contour and subcycle.
 
-    film: name for the column film. The columns true, exact and clock are NaN, to be filled in.
+    film: name for the column film. gamma is the mean over scales; the columns true, exact and clock
+    are NaN, for `_fill_in_reference_gammas`.
     """
     rows = [
         (film, name, subcycle, float(np.mean(values)), np.nan, np.nan, np.nan)
@@ -217,9 +220,9 @@ def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
 
 
 def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, CyclePictures | None]:
-    """Fit the gait of the drawn dog, whose film is written to `folder`, or of given limbs.
+    """Return the gait of the drawn dog, or of the limbs in `p.regions`, and pictures of a cycle.
 
-    Return the fit, and pictures of a cycle, None for the user's own film.
+    The dog's film is written to `folder`. There are no pictures, None, for `p.regions`.
     """
     pictures: CyclePictures | None = None
     if p.limbs == "dog":

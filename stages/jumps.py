@@ -29,10 +29,10 @@ WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
 
 @dataclass
 class StoredFilm:
-    """The film for the workers of `jumps`; small pictures of its n rows are in the file `path`.
+    """The film for the workers of `jumps`, a `RowSource` of `finloop.jumps.signature`.
 
-    The pictures have the shape (n, size, size, c). Every process opens the file and the project
-    itself. It is a `RowSource` of `finloop.jumps.signature`. OSError if the disk is full.
+    Small pictures of its n rows, (n, size, size, c), are in the file `path`. Every process opens
+    the file and the project itself. OSError if the disk is full.
     """
 
     path: Path
@@ -40,7 +40,7 @@ class StoredFilm:
     project: Project
 
     def create(self) -> None:
-        """Create the file of pictures, still black, in the process that will fill it."""
+        """Create the file of pictures, all black; the process that calls this can fill it."""
         shape = picture_array_shape(self.project.film_reel, self.size)
         self._pictures = create_array(self.path, shape, "uint8")
 
@@ -60,11 +60,11 @@ class StoredFilm:
         return self._pictures
 
     def share_pictures(self) -> None:
-        """Write the pictures to the file, so that other processes see them."""
+        """Write to the file what this process has put into the pictures; others see it then."""
         flush_array(self._pictures)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how another process opens this film, for pickle."""
+        """Return how pickle makes this film in another process: without the opened pictures."""
         return StoredFilm, (self.path, self.size, self.project)
 
 

@@ -41,17 +41,18 @@ class KeptResults:
         """
         if self.folder is None:
             return None
+        path = self._path(name, kind)
         try:
-            result = read(path := self._path(name, kind))
+            result = read(path)
             os.utime(path)  # `save` removes those that were not used for long
-            return result
         except (OSError, ValueError, KeyError):
             return None
+        return result
 
     def save(self, name: str, kind: str, write: Callable[[Path], Any]) -> None:
-        """Keep a result, as `write` writes it to a file; drop all but the MOST used last.
+        """Keep a result as the file that `write` writes; remove all but the MOST files used last.
 
-        kind: the ending of its file, "parquet" or "json".
+        kind: the ending of the file, "parquet" or "json".
         """
         if self.folder is None:
             return
@@ -72,9 +73,9 @@ class KeptResults:
 def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptResults:
     """Return the kept results of a stage that are made from the present inputs.
 
-    inputs: files and folders that every result is made from, as well as the stage's parameters and
-    program. own: name → what only that result is made from, too. Without data/params/<stage>.yaml,
-    as for a stage that DVC did not start, nothing is kept.
+    inputs: files and folders that every result is made from, beside the stage's parameters and
+    program. own: name → what only that result is made from. Parameters and program are known from
+    data/params/<stage>.yaml; without it nothing is kept.
     """
     settings = Path(f"data/params/{stage}.yaml")
     if not settings.exists():

@@ -66,21 +66,13 @@ def _connection_tables() -> pd.DataFrame:
 def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors.
 
-    There are errors for this hoop and for one without mass; and the largest rise of the hoop's
-    energy, which should only fall, as a share of the energy in the beginning.
+    The largest rise of the hoop's energy, which should only fall, is returned, too, as a share of
+    the energy in the beginning.
     """
     hoop, massless = _bent_hoops(p)
     exact = solve_motion(hoop)
-    # The errors of the solvers that can solve each case.
-    numbers: dict[str, float] = {}
-    for name, case, options, methods in (
-        ("hoop", hoop, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
-        ("massless", massless, SolverOptions(levels=3, substeps=40), EULER),
-    ):
-        for method in methods:
-            error = solve_motion(case, method, options).error
-            numbers[f"{name}_error_{method.replace('-', '_')}"] = error
     total = total_energy(hoop, exact)
+    numbers = _solver_errors(hoop, massless)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
     # Fig. 6 shows times 0 to 1.1, Fig. 7 every second of them, drawn through few points.
     ticks, times, rest = np.arange(0, 72, 4), hoop.times, hoop.rest
@@ -96,10 +88,27 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     return numbers
 
 
+def _solver_errors(hoop: Problem, massless: Problem) -> dict[str, float]:
+    """Return the errors of the solvers by name, for a hoop with mass and one without it.
+
+    Each is solved by those methods that can solve it.
+    """
+    numbers: dict[str, float] = {}
+    for name, case, options, methods in (
+        ("hoop", hoop, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
+        ("massless", massless, SolverOptions(levels=3, substeps=40), EULER),
+    ):
+        for method in methods:
+            error = solve_motion(case, method, options).error
+            numbers[f"{name}_error_{method.replace('-', '_')}"] = error
+    return numbers
+
+
 def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
     """Return the problem of a bent hoop that is let go, with and without mass.
 
-    At rest the hoop is a circle; in the beginning it is the outline drawn in `p.hoop`, of its area.
+    In the beginning the hoop has the outline drawn in `p.hoop`, at rest it is a circle of the same
+    area.
     """
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
@@ -117,7 +126,8 @@ def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
 def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
     """Draw Figs. 2 and 3 of the curve paper: a letter at several scales, and a stiffness matrix.
 
-    Return how much of the matrix is off its diagonal, in % of its energy, per wavelet and levels.
+    Return by name how much of such a matrix is off its diagonal, in % of its energy, for several
+    wavelets, each with 1, 2 and 3 levels.
     """
     outline = max(glyph_outlines(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
@@ -135,9 +145,10 @@ def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
 
 
 def _fold_table(morphs: dict[str, Morph]) -> pd.DataFrame:
-    """Return a table that says, for each method and contour, how often the contour crosses itself.
+    """Return a table of how often each contour crosses itself, a row per method and contour.
 
-    morphs: by method. The last column says whether it is proved not to cross between two frames.
+    morphs: by method. The column proved_between_frames says whether it is proved that the contour
+    does not cross itself between two frames either.
     """
     return pd.DataFrame(
         {"method": method, "contour": name, "frames_that_fold": int((count > 0).sum()),
@@ -148,7 +159,10 @@ def _fold_table(morphs: dict[str, Morph]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Morph a drawing into another, by every method; write data/morph/, and figures to reports/."""
+    """Morph a drawing into another by every method, and draw the figures of the curve paper.
+
+    data/morph/ gets the morph by `morph.method` and tables, reports/morph/ figures and metrics.
+    """
     p: MorphSettings = load_settings("morph")
     numbers = _draw_curve_paper_figures(p) | _draw_released_hoop(p)
     drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))

@@ -38,7 +38,7 @@ Digests = tuple[tuple[str, str], ...]  # path, digest of its content in DVC's ca
 
 
 def choose_mode(measures: Sequence[str]) -> str:
-    """Return the mode that most measures `<stage>.<mode>_…` name; hybrid if none names one."""
+    """Return the mode whose name stands in most measures `<stage>.<mode>_…`; hybrid if in none."""
     counts = {
         mode: sum(name.partition(".")[2].startswith(f"{mode}_") for name in measures)
         for mode in MODES
@@ -70,13 +70,13 @@ def draw_previews(commits: Mapping[str, str], mode: str) -> dict[str, Preview]:
 
 
 def _list_digests(commit: str, mode: str) -> Digests:
-    """Return path and digest of all that drawing an animation needs; () if a stage has not run.
+    """Return path and digest of all that drawing a mode's animation needs, from a dvc.lock.
 
-    They are read from dvc.lock in the experiment's commit. mode: of the animation.
+    commit: of the experiment that has the dvc.lock. The result is () if a stage has not run.
     """
     try:
         lock = yaml.load(run_git("show", f"{commit}:dvc.lock"), yaml.CSafeLoader)
-    except FinloopError:  # no stage had run
+    except FinloopError:  # there is no dvc.lock: no stage has run
         return ()
     digests = {
         out["path"]: str(out["md5"])
@@ -120,9 +120,9 @@ def _link_from_cache(cache: Path, digest: str, target: Path) -> None:
 
 
 def draw_preview(root: Path, mode: str) -> Preview:
-    """Return the route of an animation as WebP, and its first seconds as MP4.
+    """Return a preview of a mode's animation: its route, and a film of its first SECONDS.
 
-    root: folder with data/ of a run, in which preview.mp4 is left. mode: of the animation.
+    root: folder with data/ of a run; preview.mp4 stays in it.
     """
     with Project(root) as project:
         drawn = project.edit_with_sources(mode, "render")
@@ -164,9 +164,8 @@ def _crop_to_route(
     place = edit[["y_px", "x_px"]].to_numpy(float)
     low, high = place.min(axis=0) - margin_px, place.max(axis=0) + margin_px
     full = np.array(shape[:2])
-    size = np.ceil(full * min(1.0, float(((high - low) / full).max()))).astype(int)
-    start = np.clip(np.round((low + high - size) / 2).astype(int), 0, full - size)
-    rows, columns = (
-        slice(first, first + length) for first, length in zip(start, size, strict=True)
-    )
-    return rows, columns
+    share = min(1.0, float(((high - low) / full).max()))  # of both sides
+    height, width = np.ceil(full * share).astype(int)
+    middle_top_left = np.round((low + high - (height, width)) / 2).astype(int)
+    top, left = np.clip(middle_top_left, 0, full - (height, width))
+    return slice(top, top + height), slice(left, left + width)

@@ -91,12 +91,23 @@ def measure_swimming(
     ticks = sum(len(work.edit) for _, work in jobs)
     with report_progress("realism", ticks, "ticks") as advance:
         results = ordered_map(partial(measure_edit_list, pictures), jobs, pool)
-        for name in new:
+        for name in new:  # in the order of the jobs, and so of the results
             tables[name] = []
             for edit, _ in works[name]:
                 tables[name].append(next(results))
                 advance(len(edit))
             kept.save(name, "parquet", partial(save_frames, frames=tables[name]))
+    return _join_measured(works, tables, instruments)
+
+
+def _join_measured(
+    works: dict[str, list[Work]], tables: dict[str, list[pd.DataFrame]],
+    instruments: dict[str, Instrument],
+) -> dict[str, Swimming]:  # fmt: skip
+    """Join the feature tables of each mode and of FILM; print a note where few ticks are measured.
+
+    tables: by name, one for each edit list in `works`. A name without a followed fish is left out.
+    """
     measured: dict[str, Swimming] = {}
     for name, work in works.items():
         followed, share = tables[name], 0.0
@@ -118,9 +129,10 @@ def _classify_or_error(
 
     named_windows: name of the comparison, and its two sets of windows, short stretches of swimming.
     """
+    name, both_sides = named_windows
     # Of AGAIN, the film beside itself drawn and measured again, no channel is classified alone.
     try:
-        return compare.classify_windows(named_windows[1], p, by_channel=named_windows[0] != AGAIN)
+        return compare.classify_windows(both_sides, p, by_channel=name != AGAIN)
     except FinloopError as error:
         return error
 
@@ -143,7 +155,7 @@ def classify_all(
             kept.save(name, "json", partial(save_values, values=result.to_values()))
         else:
             print(f"realism: no numbers for {name}: {result}", file=sys.stderr)
-    return {name: verdicts[name] for name in sides if name in verdicts}
+    return {name: verdicts[name] for name in sides if name in verdicts}  # in the order of `sides`
 
 
 def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int) -> None:
@@ -156,7 +168,8 @@ def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int)
     with Mp4Writer(path, shape, rate / slower, CRF) as writer:
         for _, example in windows.groupby("example"):
             gallery = project.whole_gallery
-            for frame in 2 * list(examples.draw_example(example, gallery, tank, length, PANEL_PX)):
+            frames = list(examples.draw_example(example, gallery, tank, length, PANEL_PX))
+            for frame in frames * 2:
                 writer.write(frame)
 
 
@@ -212,19 +225,17 @@ def _compare_swimming(
     """
     rate, features = project.rate_hz, project.features
     # By mode or FILM: edit lists to draw, and how the fish in their pictures are measured.
-    works = {
-        FILM: sample_film_lists(
-            features, longest=round(q.seconds * rate), most=round(p.seconds * rate), seed=p.seed
-        )
-    }
-    instruments = {FILM: build_instrument(project)}
+    film_instrument = build_instrument(project)
+    longest, most = round(q.seconds * rate), round(p.seconds * rate)
+    works = {FILM: sample_film_lists(features, longest=longest, most=most, seed=p.seed)}
+    instruments = {FILM: film_instrument}
     mode_inputs = {}  # what a mode's results depend on beside INPUTS, on which all depend
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
-        if path.exists():
+        if path.exists():  # the film shows enough for this mode
             scale = project.drawn_scale(mode)
             works[mode] = [Work(edit) for edit in split_by_fish(load_table(path, EDIT))]
-            instruments[mode] = instruments[FILM].adapt_to_animation(scale)
+            instruments[mode] = film_instrument.adapt_to_animation(scale)
             mode_inputs[mode] = [path_digest(path), scale]
     kept = open_kept("realism", INPUTS, mode_inputs)  # results of an earlier run
     measured = measure_swimming(works, GalleryOpener(project), instruments, pool, kept)
@@ -235,9 +246,8 @@ def _compare_swimming(
             "look at reports/film/extract/detections.png",
         )
     sample = compare.build_film_sample(measured[FILM], features, rate, p)
-    sides = sample.comparison_windows(
-        {mode: measured[mode] for mode in measured if mode != FILM}, features
-    )
+    animated = {mode: measured[mode] for mode in measured if mode != FILM}
+    sides = sample.comparison_windows(animated, features)
     verdicts = classify_all(sides, p, pool, kept)
     with whole_folder(OUT) as folder:
         windows, curves = examples.find_examples(sample, works, measured, sides, verdicts)

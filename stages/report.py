@@ -73,14 +73,17 @@ TABLES = {  # by chapter
 
 
 def _load_webp(path: Path, p: ReportSettings) -> WebP:
-    """Load a picture, and encode it for the page."""
+    """Return a picture file as WebP for the page, no wider than the page's pictures may be."""
     return encode_webp(load_picture(path), p.max_picture_width_px, p.picture_quality)
 
 
 def _load_chapters(
     p: ReportSettings,
 ) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
-    """Yield each chapter that has pictures: the chapter, its pictures as WebP, its tables."""
+    """Yield each chapter that has pictures: the chapter, its pictures as WebP, its tables.
+
+    A picture or table whose file is missing is left out.
+    """
     for chapter in CHAPTERS:
         figures = [figure for figure in chapter.figures if (REPORTS / figure.path).is_file()]
         paths = [REPORTS / figure.path for figure in figures]
@@ -116,10 +119,10 @@ def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]
 
 
 def _list_doubts() -> pd.DataFrame:
-    """Return what is doubtful in the film and in the modes.
+    """Return a table of what is doubtful: rows about films first, then those about modes.
 
-    Columns about, doubt (a sentence), and, of a fault that is seen in a frame, picture (its path)
-    and caption, else NaN.
+    Columns: about (film or mode), doubt (a sentence), picture (file in FAULTS) and caption. The
+    last two are NaN where no frame shows the fault.
     """
     faults = load_faults([FEATURES, CLIP, EXTRACT])  # heads that may be tails come first
     if (path := FAULTS / "pictures.csv").is_file():
@@ -146,7 +149,10 @@ def _describe_animation(mode: str, marks: bool) -> str:
 
 
 def _comparison_film(p: ReportSettings) -> dict[str, Any]:
-    """Return the page's fields on the film of all modes side by side, which may not exist."""
+    """Return the page's fields on the film that shows all modes side by side.
+
+    Without such a film the field `beside` is "".
+    """
     fields: dict[str, Any] = {"beside": "", "modes": list(MODES.values())}
     path = RENDER / "modes.mp4"
     if path.is_file():
@@ -161,9 +167,10 @@ def _comparison_film(p: ReportSettings) -> dict[str, Any]:
 def _list_parameters(
     values: Mapping[str, Mapping[str, Any]], changes: list[str]
 ) -> dict[str, list[tuple[str, str, bool]]]:
-    """Return by group each parameter's name, value, and whether it is another than in conf/.
+    """Return by group each parameter's name, its value as text, and whether conf/ has another.
 
-    values: by group and name. changes: overrides of conf/, `group.name=value` or `group=variant`.
+    values: by group and name. changes: what is not as in conf/, as overrides `group.name=value` or
+    `group=variant`; the latter marks all parameters of the group.
     """
     changed = {change.partition("=")[0] for change in changes}
     return {

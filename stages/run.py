@@ -68,11 +68,12 @@ def _limit_threads() -> None:
 
 
 def _copy_machine_code() -> None:
-    """Copy the repository's compiled functions into a temporary experiment, a copy without them.
+    """Copy the repository's compiled functions into the present folder, if that is another one.
 
-    Compiling them again takes ten seconds. `base.kernel` checks that the sources are equal.
+    It is in a temporary experiment, a copy of the repository without them. Compiling them again
+    takes ten seconds. `base.kernel` checks that the sources are equal.
     """
-    root = Path(os.environ.get("DVC_ROOT", "."))  # the repository, also in a temporary experiment
+    root = Path(os.environ.get("DVC_ROOT", "."))  # the repository
     if root.resolve() == Path.cwd():
         return
     for compiled in root.glob("finloop/**/__pycache__/*.nb[ic]"):
@@ -149,7 +150,7 @@ def run(main: Callable[[], None]) -> NoReturn:
 
 
 def _note_origins() -> None:
-    """Write a note of what the stage's folder was made from; do nothing if no stage runs."""
+    """Write what the stage's folder was made from into the folder; do nothing if no stage runs."""
     module = sys.modules["__main__"].__spec__  # None unless started by `python -m`
     if module is not None:
         from stages.origins import note_origins  # not at the top: it needs the right Python
@@ -242,7 +243,7 @@ def _progress_lines(stage: str, total: int | None, unit: str) -> Iterator[Callab
         done += n
         now_s = time.monotonic()
         if now_s - last_line_s >= LINE_EVERY_S:
-            # From the last line on: earlier items, if kept, passed at another rate.
+            # The rate since the last line: earlier items may have been kept results, done at once.
             item_s = (now_s - last_line_s) / max(1, done - done_at_last_line)
             write_line(f", {item_s * max(0, total - done):.0f} s left" if total else "")
             last_line_s, done_at_last_line = now_s, done

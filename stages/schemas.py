@@ -53,9 +53,9 @@ def omegaconf_schema(option: type) -> type:
 
 
 def _simplify_type(hint: Any) -> Any:
-    """Return the type annotation for OmegaConf: `Any` where it has numbers or is nested.
+    """Return the annotation for OmegaConf: `Any` for one with numbers or a union with lists.
 
-    Literals become the type of their values.
+    A Literal becomes the type of its values, a tuple of Literals a tuple of texts.
     """
     parts = get_args(hint)
     if get_origin(hint) is Literal:
@@ -70,7 +70,7 @@ def _simplify_type(hint: Any) -> Any:
 
 
 def _leaf_types(hint: Any) -> set[Any]:
-    """Return the plain types inside a type annotation, such as {int, None} for `int | None`."""
+    """Return the types inside an annotation that have no parts: {int, NoneType} of int | None."""
     parts = () if get_origin(hint) is Literal else get_args(hint)
     return set().union(*map(_leaf_types, parts)) if parts else {hint}
 

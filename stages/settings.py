@@ -43,21 +43,21 @@ def read_params() -> dict[str, Any]:
 def _require_present_conf(values: Mapping[str, Any]) -> None:
     """Raise FinloopError if params.yaml was composed from another state of conf/.
 
-    values: content of params.yaml.
+    values: content of params.yaml. In a temporary experiment of DVC, conf/local/ is not compared.
     """
-    stamps = [str(values.get(STAMP)), conf_stamp(CONF)]
+    composed_from, present = str(values.get(STAMP)), conf_stamp(CONF)
     if Path(os.environ.get("DVC_ROOT", ".")).resolve() != Path.cwd():
         # A temporary experiment has only what git has; conf/local/ was composed before.
-        stamps = [digest.partition("-")[0] for digest in stamps]
-    shared, _, of_local = stamps[0].partition("-")
-    if of_local and shared == stamps[1]:
+        composed_from, present = (stamp.partition("-")[0] for stamp in (composed_from, present))
+    shared_part, _, local_part = composed_from.partition("-")
+    if local_part and shared_part == present:
         raise FinloopError(
             f"{PARAMS} was composed with a {LOCAL}, which is not here",
             "that file; git does not keep it",
             f"copy it from the computer on which {PARAMS} was composed, then `dvc repro`; or run "
             f"`make params`, which takes the values of {CONF}/ without it",
         )
-    if stamps[0] != stamps[1]:
+    if composed_from != present:
         raise FinloopError(
             f"{CONF}/ is not what {PARAMS} was composed from",
             f"a {PARAMS} composed from the present {CONF}/, so that no old value is used",
@@ -67,10 +67,10 @@ def _require_present_conf(values: Mapping[str, Any]) -> None:
 
 
 def conf_stamp(conf: Path) -> str:
-    """Return a digest of the files in the folder `conf`, with one of conf/local/ after a `-`.
+    """Return the stamp of a folder conf/: a digest of its files, then "-" and one of conf/local/.
 
-    Without a conf/local/ the second part is missing. Experiments are left out: a new one changes no
-    value.
+    Without a conf/local/ the stamp ends before the "-". Experiments are left out: a new one changes
+    no value.
     """
     local = LOCAL.relative_to(CONF).as_posix()
     files = {path.relative_to(conf).as_posix(): path for path in conf.rglob("*.yaml")}
@@ -112,7 +112,7 @@ def _describe_unknown_group(word: str) -> str:
 def list_overrides(values: Mapping[str, Any]) -> list[str]:
     """Return the Hydra overrides, such as `clip=carp`, with which conf/ composes to a params.yaml.
 
-    values: content of params.yaml. Groups come in its order; the override that chooses a group's
+    values: content of params.yaml. Groups come in its order; of each, the override that chooses the
     variant comes before those of single parameters.
     """
     conf = CONF.absolute()

@@ -36,7 +36,8 @@ def _report_stand_ins(choices: dict[str, ChosenFrames]) -> None:
 
     choices: the frames chosen for each sequence, by its name.
     """
-    # Turns stand in on both sides or on none; one side without a turn gets the other's, mirrored.
+    # A film without any turn has stand-ins on both sides: one note. A film with turns to one side
+    # has them mirrored on the other.
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
             print(
@@ -52,9 +53,9 @@ def _report_stand_ins(choices: dict[str, ChosenFrames]) -> None:
 
 
 def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: float) -> int:
-    """Write atlas-<n>.png and .json, pages of the sprites in `folder`; return the number of pages.
+    """Write atlas-<n>.png and .json, pages with all sprites, to `folder`; return how many pages.
 
-    page_px: width of a page.
+    folder: has sprites.arrow, the cut-outs. sprites: their table. page_px: width of a page.
     """
     with open_cutouts(folder / "sprites.arrow") as store:
         pages = atlas.lay_out_pages(sprites, store.index, page_px)

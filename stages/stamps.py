@@ -24,9 +24,10 @@ Groups = Mapping[str, Mapping[str, Any]]
 
 
 def file_stamp(name: str, groups: Groups) -> str | None:
-    """Return a digest of the files that parameters name; None if there are none, or one is missing.
+    """Return a digest of names, sizes and times of the files that parameters name.
 
-    name: which files, one of `FILES`. groups: content of params.yaml, group → parameters.
+    None if there are no such files, or one is missing. name: which files, one of `FILES`. groups:
+    content of params.yaml, group → parameters.
     """
     try:
         paths = _LISTS[name](groups)
@@ -102,8 +103,8 @@ _LISTS: dict[str, Callable[[Groups], list[Path]]] = dict(
 def main() -> None:
     """Renew the stamps (digests) in params.yaml where films, tracks or paths have changed.
 
-    FinloopError if one was there before and is missing: to run a stage would remove what was made
-    of it.
+    FinloopError if a file was there before and is missing: to run a stage would remove what was
+    made of that file.
     """
     values = read_params()
     text = old_text = PARAMS.read_text(encoding="utf-8")

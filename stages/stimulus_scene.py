@@ -46,9 +46,9 @@ class FilmedScene:
     film: str  # a digest of the film's results
 
     def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
-        """Return the data that display pages receive.
+        """Return the data that display pages receive: the empty tank, fields, and pictures.
 
-        looks: one per look of the protocol. fish: number of fish. facts: further fields.
+        looks: those of the protocol, for the page. fish: number of fish. facts: further fields.
         """
         scene = self.scene
         fields = {
@@ -60,7 +60,7 @@ class FilmedScene:
     def header(self, protocol: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
         """Return the header of a session's file: software, protocol, trials, film, parameters.
 
-        facts: further fields.
+        trials: in the order in which they are shown. facts: further fields.
         """
         software = {"python": python_version(), "system": platform()}
         return {
@@ -133,8 +133,9 @@ def _mm_per_px(
 ) -> float | None:
     """Return how many mm one px of the animation shows; None if unknown.
 
-    fish_mm: body length that the protocol wants, None = the film's mm per px decide; length_px:
-    body length in the animation; scale: px of the animation per px of the film.
+    fish_mm: body length that the protocol wants, None = as the film's mm per px give it. length_px:
+    body length in the animation. film_mm_per_px: None = unknown. scale: px of the animation per px
+    of the film.
     """
     if fish_mm:
         return fish_mm / length_px

@@ -88,14 +88,15 @@ def require_different_films(films: Mapping[str, Overrides]) -> None:
     films: name → overrides. A film, a link to it and a copy of it count as one film.
     """
     size_counts = Counter(map(_file_size, films.values()))
-    first_names: dict[str, str] = {}  # film and settings → the first name of both
+    first_names: dict[tuple[str, ...], str] = {}  # film and settings → the first name of both
     for name, overrides in films.items():
-        path, key = _film_path(overrides), overrides
+        key, path = tuple(overrides), _film_path(overrides)
         if path and path.exists():
+            # A digest takes long: only files of one size can be copies.
             may_be_copy = path.is_file() and size_counts[_file_size(overrides)] > 1
             film = path_digest(path) if may_be_copy else str(path.resolve())
-            key = [film, *(text for text in overrides if not text.startswith("clip.path="))]
-        other = first_names.setdefault(str(key), name)
+            key = (film, *(text for text in overrides if not text.startswith("clip.path=")))
+        other = first_names.setdefault(key, name)
         if other != name:
             paths = {str(_film_path(films[twin]) or "") for twin in (other, name)}
             both_paths = f" ({' and '.join(sorted(paths))})" if len(paths) > 1 else ""
@@ -107,8 +108,9 @@ def require_different_films(films: Mapping[str, Overrides]) -> None:
 
 
 def _film_path(settings: Overrides) -> Path | None:
-    """Return the path of the film that overrides name; None if they name none."""
+    """Return the path of the film that overrides name, the last if several; None if none."""
     paths = [text.partition("=")[2] for text in settings if text.startswith("clip.path=")]
+    # The value is YAML with "${" escaped, as `clip_path_overrides` writes it.
     return Path(yaml.safe_load(paths[-1].replace("\\${", "${"))) if paths else None
 
 
@@ -121,27 +123,25 @@ def _file_size(settings: Overrides) -> int | None:
 def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
     """Return the films of a study file, name → overrides, and the overrides that all films share.
 
-    FinloopError if it is not a study.
+    FinloopError lists what makes the file no study.
     """
     try:
         # Not PyYAML alone, which takes the second of two films of one name, without a word.
         values: Any = OmegaConf.to_container(OmegaConf.load(path))
     except (OSError, UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise FinloopError(f"{path} cannot be read: {error}", EXAMPLE, "correct it") from error
-    films = values.get("films") if isinstance(values, Mapping) else None
-    problems = []
+    values = values if isinstance(values, Mapping) else {}
+    films, common, problems = values.get("films"), values.get("settings") or {}, []
     if not films:
         problems.append("it has no films")
     elif not isinstance(films, Mapping):
         problems.append("its films are no `name: path`")
     elif unknown := set(values) - {"films", "settings"}:
         problems.append(f"it has {', '.join(sorted(map(str, unknown)))}")
-    common = (values.get("settings") or {}) if isinstance(values, Mapping) else {}
     if not isinstance(common, Mapping):
         problems.append("its settings are no `parameter: value`")
     runs: dict[str, Overrides] = {}
-    listed = films.items() if isinstance(films, Mapping) and not problems else ()
-    for name, film in listed:
+    for name, film in () if problems else films.items():
         if not NAME.fullmatch(str(name)):
             problems.append(f"the name {name!r} has more than letters, digits, _ and -")
         settings = {"path": film} if isinstance(film, str) else film
@@ -155,7 +155,10 @@ def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
 
 
 def _format_overrides(values: Mapping[str, Any], folder: Path) -> Overrides:
-    """Return settings by name as overrides `key=value`; the film's path is relative to `folder`."""
+    """Return settings, name → value, as overrides `key=value`.
+
+    A setting `path` is the film's path, relative to `folder`.
+    """
     overrides = []
     for key, value in values.items():
         if key == "path":
@@ -174,17 +177,17 @@ def clip_path_overrides(path: str) -> Overrides:
 def collect_results(
     films: Mapping[str, Overrides], failures: Mapping[str, str], folder: Path
 ) -> list[FilmResult]:
-    """Return the results of a study's experiments, in the order of its films.
+    """Return the result of each film of a study, in order; write the films' reports to `folder`.
 
-    Each film's report is written to `folder`. films: name → overrides. failures: experiment → why
-    it failed.
+    films: name → overrides. failures: experiment → why it failed.
     """
     commits, results = list_experiments(), list[FilmResult]()
     for name, settings in films.items():
-        if PREFIX + name in failures:
-            results.append(FilmResult(name, settings, error=failures[PREFIX + name]))
+        experiment = PREFIX + name
+        if experiment in failures:
+            results.append(FilmResult(name, settings, error=failures[experiment]))
             continue
-        files = load_experiment_files(commits[PREFIX + name])
+        files = load_experiment_files(commits[experiment])
         pictures = {text: files[path] for text, path in PICTURES.items() if path in files}
         report = f"{REPORTS.name}/{name}.html" if REPORT in files else ""
         if report:
@@ -198,7 +201,7 @@ def load_experiment_files(commit: str) -> dict[str, bytes]:
     """Return the files of an experiment that a study shows, path → content.
 
     commit: that of the experiment. A file that its pipeline does not make is left out. FinloopError
-    if one is neither in DVC's cache nor on the remote.
+    if a file that it makes is neither in DVC's cache nor on the remote.
     """
     from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
 
@@ -221,7 +224,7 @@ def load_experiment_files(commit: str) -> dict[str, bytes]:
 def read_numbers(files: Mapping[str, bytes]) -> dict[str, float]:
     """Return the numbers in an experiment's files, `<stage>.<number>` → value.
 
-    files: path → content. `clip.findings` is how many checks of the film found a fault.
+    files: path → content. The number `clip.findings`, of faults found in the film, is counted here.
     """
     values = {
         f"{Path(path).parent.name}.{key}": value

@@ -19,9 +19,11 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import asdict
+from itertools import takewhile
 from pathlib import Path
+from queue import SimpleQueue
 from tempfile import TemporaryDirectory
 from typing import Any, Self
 
@@ -112,10 +114,7 @@ def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bo
 
 
 def _has_same_code_and_params(commit: str, params: str) -> bool:
-    """Return whether an experiment has the present code and this text of params.yaml.
-
-    commit: that of the experiment. params: the text.
-    """
+    """Return whether an experiment's commit has the present code and `params` as params.yaml."""
     excludes = [f":(exclude){name}" for name in RESULTS]
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
     if changed.returncode or run_git("show", f"{commit}:{PARAMS}") != params:
@@ -157,16 +156,12 @@ def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, pro
 def failure_lines(text: str) -> list[str]:
     """Return finloop's last message in the output of a failed run, or the output's last lines."""
     lines = text.splitlines()
-    # A message of finloop begins with "finloop: " and has a line "  wanted: ".
+    # A message of finloop begins with "finloop: " and has a line "  wanted: "; DVC's own follows.
     wanted = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
     if not wanted:
         return lines[-LAST_LINES:]
-    last = wanted[-1]
-    start = max(number for number in range(last) if lines[number].startswith("finloop: "))
-    stop = last
-    while stop < len(lines) and not lines[stop].startswith("ERROR:"):
-        stop += 1
-    return lines[start:stop]
+    first = max(number for number in range(wanted[-1]) if lines[number].startswith("finloop: "))
+    return [*takewhile(lambda line: not line.startswith("ERROR:"), lines[first:])]
 
 
 def _print_failure(name: str, cause: str) -> None:
@@ -233,44 +228,52 @@ class RunMaker:
                 file=sys.stderr,
             )
         self._open_clones(at_once)
+        waiting, free_clones = iter(todo), SimpleQueue[Path]()
+        for clone in self._clones:
+            free_clones.put(clone)
+        shared_processes = max(1, THREADS // len(self._clones))  # of each of so many runs
         with report_progress("runs", len(todo), "runs") as advance:
 
-            def make_next(clone: Path, runs_going_on: int) -> bool:
-                """Make the next run, one of `runs_going_on`; return whether it succeeds."""
-                name, processes = todo.pop(0), max(1, THREADS // runs_going_on)
-                start_s = time.monotonic()
-                if cause := _make_run(name, runs[name], self.stages, clone, processes):
+            def make_run(name: str, processes: int = shared_processes) -> bool:
+                """Make a run in a free clone, on some processes; return whether it succeeds."""
+                clone = free_clones.get()
+                try:
+                    cause = self._make_and_report(name, runs[name], clone, processes)
+                finally:
+                    free_clones.put(clone)
+                if cause:
                     failures[name] = cause
-                    _print_failure(name, cause)
-                else:
-                    line = describe_run(name, time.monotonic() - start_s, clone, self.measures)
-                    print(line, file=sys.stderr, flush=True)
                 advance()
                 return not cause
 
-            def make_all(clone: Path) -> None:
-                """Make runs in a clone until none is left."""
-                with suppress(IndexError):  # `todo` is empty
-                    while True:
-                        make_next(clone, len(self._clones))
-
             # A stage that all runs need and none has run: one run at a time until one succeeds.
-            while self.shared and todo:
-                if make_next(self._clones[0], 1):
-                    self.shared = False
+            while self.shared and (name := next(waiting, "")):
+                self.shared = not make_run(name, THREADS)
             with ThreadPoolExecutor(len(self._clones)) as threads:
-                try:
-                    list(threads.map(make_all, self._clones))
-                finally:
-                    todo.clear()  # an interrupted sweep starts no further runs
+                list(threads.map(make_run, waiting))  # if interrupted, it starts no further runs
         return failures
+
+    def _make_and_report(self, name: str, changes: list[str], clone: Path, processes: int) -> str:
+        """Make a run in a clone and print how it ended; return "", or the cause if it failed.
+
+        changes: overrides. processes: the number of processes of a stage.
+        """
+        start_s = time.monotonic()
+        cause = _make_run(name, changes, self.stages, clone, processes)
+        if cause:
+            _print_failure(name, cause)
+        else:
+            line = describe_run(name, time.monotonic() - start_s, clone, self.measures)
+            print(line, file=sys.stderr, flush=True)
+        return cause
 
     def _choose_runs_to_make(
         self, runs: Mapping[str, list[str]]
     ) -> tuple[list[str], dict[str, str]]:
-        """Return the names of runs that are no experiments yet, and those that fail, with causes.
+        """Return the names of the runs to make, and the runs that cannot be made, name → cause.
 
-        A run fails here if its overrides are wrong. runs: name → overrides.
+        A run is not made again if there is an experiment of its name with the present code and the
+        same parameters. It cannot be made if its overrides are wrong. runs: name → overrides.
         """
         todo, failures = list[str](), dict[str, str]()
         for name, changes in runs.items():
@@ -309,17 +312,17 @@ def plan_sweep(
     """Return the name of a sweep, what it varies and measures, and the overrides of all its runs.
 
     words: a name in conf/experiment/, `key=1,2` to vary and `key=3` for every run. measures: what
-    is measured instead of what the named sweep declares or, without a name, the headline numbers of
-    the varied stages and of `animate`. changes: other fields of the experiment, None = as declared.
-    FinloopError if there is nothing to vary, or a name is unknown.
+    is measured. If there are none, the named sweep declares them; without a name they are the
+    headline numbers of the varied stages and of `animate`. changes: other fields of the experiment,
+    None = as declared. FinloopError if there is nothing to vary, or a name is unknown.
     """
     names, varied, fixed = _sort_words(words)
     if len(names) > 1 or not (names or varied):
-        given = " ".join(fixed)
+        came = f"more than one sweep: {', '.join(names)}" if names else "nothing to sweep"
+        if fixed and not names:
+            came += f": {' '.join(fixed)} has one value"
         raise FinloopError(
-            f"more than one sweep: {', '.join(names)}"
-            if names
-            else f"nothing to sweep{f': {given} has one value' if given else ''}",
+            came,
             'make sweep experiment=learning_rate, or S="group.key=1,2,3 other.key=4,5"',
             f"name one of {', '.join(list_sweeps())}, or give a parameter several values",
         )
@@ -329,7 +332,7 @@ def plan_sweep(
         fields = asdict(load_experiment(names[0]))
     fields |= {"params": fields.get("params", {}) | varied}
     fields |= {key: value for key, value in changes.items() if value is not None}
-    groups = dict.fromkeys(key.partition(".")[0] for key in fields["params"])
+    groups = list(dict.fromkeys(key.partition(".")[0] for key in fields["params"]))
     if measures or not names:
         fields["measures"] = list(measures) or _headline_measures(groups)
     name = names[0] if names else "-".join(key.partition(".")[2] for key in varied)
@@ -338,16 +341,16 @@ def plan_sweep(
         raise FinloopError(
             "\n    ".join(problem.removeprefix(f"{FOLDER}: ") for problem in problems),
             "parameters of conf/, each with two or more values, and numbers of stages",
-            f"correct it; `make params S=help={next(iter(groups))}` prints the parameters",
+            f"correct it; `make params S=help={groups[0]}` prints the parameters",
         )
     return name, plan, fixed
 
 
 def _sort_words(words: Sequence[str]) -> tuple[list[str], dict[str, str], list[str]]:
-    """Return the names among words, the values of parameters that vary, and the other overrides.
+    """Sort the words of a command line; return names, values of varied parameters, other overrides.
 
-    The values are by `group.key`, in Hydra's notation, as "1,2". FinloopError if a word with "=" is
-    no override of Hydra.
+    A name is a word without "=". The values are by `group.key`, in Hydra's notation, as "1,2".
+    FinloopError if a word with "=" is no override of Hydra.
     """
     names, varied, fixed = list[str](), dict[str, str](), list[str]()
     for word in words:

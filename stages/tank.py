@@ -59,7 +59,10 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
 
 
 def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
-    """Scale pictures (h, w, 3) to _SHEET_PX wide and join them to one; pictures: row by row."""
+    """Return one picture of pictures (h, w, 3) in rows, each scaled to a width of _SHEET_PX.
+
+    All have one size; each inner list is a row.
+    """
     height, width = pictures[0][0].shape[:2]
     size = _SHEET_PX, round(_SHEET_PX * height / width)
     return np.vstack([
@@ -71,7 +74,10 @@ def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
 def _save_3d_files(
     folder: Path, tank: TankSize, fish: list[FishSurface], project: Project
 ) -> list[AnimatedFish]:
-    """Write the tank as tank.glb, and as tank.html, which shows it; return the fish of both."""
+    """Write tank.glb, the tank with its fish, and tank.html, a page that shows it, to `folder`.
+
+    Return the fish, animated as in both files. fish: surfaces; the first one gives the skin of all.
+    """
     first, rate = fish[0], project.rate_hz
     animated = [
         AnimatedFish(

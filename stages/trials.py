@@ -22,9 +22,9 @@ Overrides = dict[str, list[str]]  # run → overrides
 
 
 def choose_goal(plan: Experiment) -> tuple[str, str]:
-    """Return the measure that Optuna improves, and its good direction (HIGHER or lower).
+    """Return the measure that Optuna improves, and its good direction, HIGHER or LOWER.
 
-    It is the sweep's goal, else its first measure with such a direction; FinloopError for none.
+    It is the sweep's goal, else its first measure with a direction. FinloopError if there is none.
     """
     names = [plan.goal] if plan.goal else plan.measures
     for name in names:
@@ -40,7 +40,8 @@ def choose_goal(plan: Experiment) -> tuple[str, str]:
 def optuna_distribution(values: str) -> Any:
     """Return values in Hydra's notation as a distribution of Optuna.
 
-    An interval is continuous, or whole (`int(interval(1, 9))`); other values are categories.
+    An interval has continuous values, or whole ones as `int(interval(1, 9))`. Values that are
+    listed are categories.
     """
     from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
@@ -61,8 +62,8 @@ def make_trials(
     A trial is one combination of values, and has a run for each seed. After each seed, trials that
     do worse than others end. name: of the sweep. present: seed parameter → its present value.
     at_once: trials at a time. make: makes runs, and returns those that failed, with causes.
-    measure: returns a run's measure, from the names of both. FinloopError if Optuna is missing, or
-    the goal has no direction.
+    measure(run, goal): returns the goal's value in a run, None if it has none. FinloopError if
+    Optuna is missing, or the goal has no direction.
     """
     goal, direction = choose_goal(plan)
     study, states = _create_study(direction)
@@ -71,36 +72,36 @@ def make_trials(
     runs, failures = Overrides(), dict[str, str]()
     for first in range(0, plan.trials, at_once):
         trials = [study.ask(space) for _ in range(min(at_once, plan.trials - first))]
-        results: dict[Any, list[float]] = {trial: [] for trial in trials}  # of those that go on
+        goal_values: dict[Any, list[float]] = {trial: [] for trial in trials}  # of those that go on
         for seed in seeds:
             batch, run_names = Overrides(), dict[Any, str]()
-            for trial in results:
+            for trial in goal_values:
                 values = dict(map(_format_value, trial.params.items()))
-                batch |= plan.list_run(name, values, present, seed)
-                *_, run_names[trial] = batch  # the run that was added last
+                run = plan.list_run(name, values, present, seed)
+                (run_names[trial],) = run  # it is one
+                batch |= run
             runs |= batch
             failures |= make(batch)
             for trial, run_name in run_names.items():
                 value = None if run_name in failures else measure(run_name, goal)
                 if value is None:
                     study.tell(trial, state=states.FAIL)
-                    del results[trial]
+                    del goal_values[trial]
                     continue
-                results[trial].append(value)
-                trial.report(float(np.mean(results[trial])), seed)
+                goal_values[trial].append(value)
+                trial.report(float(np.mean(goal_values[trial])), seed)
                 if seed < seeds[-1] and trial.should_prune():
                     study.tell(trial, state=states.PRUNED)
-                    del results[trial]
-        for trial, reported in results.items():
-            study.tell(trial, float(np.mean(reported)))
+                    del goal_values[trial]
+        for trial, values_of_seeds in goal_values.items():
+            study.tell(trial, float(np.mean(values_of_seeds)))
     return runs, failures, _describe_study(study, goal)
 
 
 def _create_study(direction: str) -> tuple[Any, Any]:
     """Return a new study of Optuna, and Optuna's names of the states that a trial ends in.
 
-    direction: whether more is better (HIGHER) or less.
-    FinloopError if Optuna is missing.
+    direction: of the goal, HIGHER or LOWER is better. FinloopError if Optuna is missing.
     """
     try:
         import optuna
