@@ -55,8 +55,7 @@ def main() -> None:
 def settings_of_films(p: FootageSettings) -> list[FootageSettings]:
     """Return the parameters of each film that `p.path` names, in order.
 
-    `p.path` can be a file, a pattern, a folder, or a list of these. Films of a list can have
-    parameters of their own.
+    `p.path` is a file, pattern or folder, or a list of these, some with parameters of their own.
     """
     return [
         replace(path_settings, path=str(film))

@@ -27,8 +27,7 @@ PROCESSES = "FINLOOP_PROCESSES"  # how many processes a stage works on, where th
 def open_workers(modules: Sequence[str], threads: bool = False) -> Iterator[Workers]:
     """Yield the workers of a stage: this machine's, or those of the cluster that conf/ names.
 
-    modules: names of those that workers import first. threads: on this machine, use threads instead
-    of processes.
+    modules: names of those that workers import first. threads: whether this machine's are threads.
     """
     p: ClusterSettings = load_settings("cluster")
     if isinstance(p, DefaultWorkers) and p.scheduler_address is None:

@@ -238,8 +238,7 @@ def _no_option_error(word: str, option: str, overrides: list[str]) -> FinloopErr
 def require_composed_params(overrides: list[str]) -> None:
     """Raise FinloopError if params.yaml is not what conf/ composes to with these overrides.
 
-    If params.yaml was composed with a conf/local/ that is missing here, its values are only checked
-    to be in their ranges.
+    If it was composed with a conf/local/ that is missing here, only the ranges of its values count.
     """
     text = PARAMS.read_text(encoding="utf-8") if PARAMS.is_file() else ""
     values = yaml.safe_load(text) or {}

@@ -118,8 +118,7 @@ def _save_page(
 def _save_tracks(folder: Path, p: ExportSettings, points: Poses, facts: VideoFacts) -> None:
     """Write the animals' tracks to `folder`: tracks.csv, and netCDF and NWB where the settings say.
 
-    Where the film's scale is known, tracks_mm.csv has them in mm. points: the animals' keypoints,
-    px; facts: about the clip.
+    Where the film's scale is known, tracks_mm.csv has them in mm. points: keypoints, px.
     """
     mm_per_px = facts.mm_per_px
     save_csv_in_blocks(folder / "tracks.csv", deeplabcut_tables(points), decimals=3)

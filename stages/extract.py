@@ -108,8 +108,7 @@ def _extract_film(
 ) -> dict[str, float]:
     """Write the tracks and cut-outs of one clip to `folder`; return its metrics by name.
 
-    pieces: stored results of an interrupted run, from which this one continues. NoTrackError if no
-    animal can be followed.
+    pieces: results of an interrupted run, to go on from. NoTrackError if nothing can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
     if pieces.stored_bytes():

@@ -79,8 +79,7 @@ def main() -> None:
 def _report_assumptions(settings: FeaturesSettings, cues: HeadCues, current_bl_s: float) -> None:
     """Print a note if the thin end is taken for the head, or a current of the water is assumed.
 
-    Nothing is said of what the user has set. cues: by what the head is found; current_bl_s: of the
-    water, body lengths/s.
+    Nothing is said of what the user has set. cues: by what the head is found.
     """
     if cues.width < 0 and settings.head == "auto":  # −1: the head is the thin end
         print(

@@ -1,9 +1,8 @@
 """Use your own film: name it in conf/local/default.yaml, compose params.yaml, show the report.
 
 `python -m stages.film [key=value ...]` takes one film or several from the variable FILM: a path as
-it is, or several paths between spaces, with quotes around a path that contains spaces. `--report`
-prints where the report is, and opens it where there is a desktop. `make film` calls both, with the
-pipeline between them.
+it is, or several paths between spaces, with quotes around one that contains spaces. `--report`
+prints where the report is, and opens it on a desktop. `make film` runs the pipeline between both.
 """
 
 from stages.run import open_in_browser, run  # isort: skip
@@ -31,8 +30,7 @@ def parse_film_paths(text: str, command: str = COMMAND) -> list[str]:
     """Return the paths in the text of a variable such as FILM, made absolute.
 
     Paths are separated by spaces, unless the whole text is one path. command: what the user types
-    before the `=`, such as `make film FILM`, for messages. FinloopError if the text names no path,
-    or a file is missing.
+    before the `=`, such as `make film FILM`. FinloopError if a file is missing, or none is named.
     """
     variable = command.rpartition(" ")[2]
     wanted = (

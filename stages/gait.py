@@ -94,8 +94,7 @@ def _draw_figures(fit: GaitFit, folder: Path, pictures: CyclePictures | None) ->
 def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
     """Return a gait fitted to the contours of a film, with its errors on held-out frames.
 
-    name: of the gait. beat: the film's gait cycle, with its frequency. source: from what the gait
-    is fitted, in words.
+    name, source: of the gait; source says what it is fitted to. beat: the film's gait cycle.
     """
     settings: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare_clocks(film, **settings)

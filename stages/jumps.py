@@ -47,9 +47,8 @@ class StoredFilm:
     @cached_property
     def _pictures(self) -> Pictures:
         """Open the file of pictures and return it as an array, mapped from the disk."""
-        return open_array(
-            self.path, picture_array_shape(self.project.film_reel, self.size), "uint8"
-        )
+        shape = picture_array_shape(self.project.film_reel, self.size)
+        return open_array(self.path, shape, "uint8")
 
     def load_film(self) -> tuple[Reel, FilmPoses]:
         """Return the pictures and the poses of the film's rows."""

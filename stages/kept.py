@@ -2,8 +2,7 @@
 
 A stage that works on every mode would work on all of them again when one mode changes. So it keeps
 the result for each in a hidden folder beside its output, in a file whose name is a digest of
-everything that the result is made from. DVC does not remove that folder; temporary experiments use
-that of the repository.
+all that the result is made from. DVC keeps that folder; temporary experiments share it.
 """
 
 import json

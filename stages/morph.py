@@ -107,8 +107,7 @@ def _solver_errors(hoop: Problem, massless: Problem) -> dict[str, float]:
 def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
     """Return the problem of a bent hoop that is let go, with and without mass.
 
-    In the beginning the hoop has the outline drawn in `p.hoop`, at rest it is a circle of the same
-    area.
+    It begins with the outline drawn in `p.hoop`; at rest it is a circle of the same area.
     """
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)

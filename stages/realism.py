@@ -130,8 +130,7 @@ def _classify_or_error(
     named_windows: name of the comparison, and its two sets of windows, short stretches of swimming.
     """
     name, both_sides = named_windows
-    # Of AGAIN, the film beside itself drawn and measured again, no channel is classified alone.
-    try:
+    try:  # AGAIN, the film against itself drawn and measured again, needs no single channels
         return compare.classify_windows(both_sides, p, by_channel=name != AGAIN)
     except FinloopError as error:
         return error

@@ -4,8 +4,7 @@ A path in params.yaml stays the same when the film there is replaced, or its fol
 So params.yaml holds a stamp of the files: a digest of their names, sizes and times. Composing sets
 it; `python -m stages.stamps` (`make repro`) renews it.
 
-DVC and Hydra import this whenever they compose, so modules that read films are loaded only for a
-named film.
+DVC and Hydra import this to compose, so modules that read films are loaded only for a named film.
 """
 
 import hashlib
@@ -103,8 +102,7 @@ _LISTS: dict[str, Callable[[Groups], list[Path]]] = dict(
 def main() -> None:
     """Renew the stamps (digests) in params.yaml where films, tracks or paths have changed.
 
-    FinloopError if a file was there before and is missing: to run a stage would remove what was
-    made of that file.
+    FinloopError if a file is missing that was there: a stage would remove what was made of it.
     """
     values = read_params()
     text = old_text = PARAMS.read_text(encoding="utf-8")

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +85,7 @@ def show(options: argparse.Namespace) -> None:
             policy = _access_policy(options, listens)
             session.link = _page_address(options, listens, policy, "show")
             inputs = _make_inputs(options, policy, session, messages)
-            announce = _make_announcer(options, listens, policy)
+            announce = partial(_announce_page, options, listens, policy)
             _run_server(create_session_server(listens, policy, hub, inputs, announce))
 
 
@@ -123,8 +124,8 @@ def replay(options: argparse.Namespace) -> None:
             print(f"replay: {check.ticks} ticks planned again, {check.different} differ")
             if check.different:
                 sys.exit(1)
-        if options.check and not options.draw:
-            return
+            if not options.draw:
+                return
         feed = film.feed(
             record.header["looks"], protocol.fish, display=record.header["display"], mode="replay",
             digest=True, name="replay", keys=[],
@@ -132,7 +133,7 @@ def replay(options: argparse.Namespace) -> None:
         hub = ReplayHub(feed, read_displayed_frames(record), options.quick)
         with bind_socket(options.port) as listens:
             policy = AccessPolicy(listens.getsockname()[1])
-            announce = _make_announcer(options, listens, policy)
+            announce = partial(_announce_page, options, listens, policy)
             _run_server(create_display_server(listens, policy, hub, announce))
     print(
         f"replay: {hub.shown} frames drawn, pixels of {hub.compared} compared, "
@@ -171,7 +172,7 @@ def calibrate(options: argparse.Namespace) -> None:
         path = display_file(options.display)
         hub = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
         policy = _access_policy(options, listens)
-        announce = _make_announcer(options, listens, policy)
+        announce = partial(_announce_page, options, listens, policy)
         _run_server(create_display_server(listens, policy, hub, announce))
 
 
@@ -184,8 +185,7 @@ def _open_session(
 ) -> Iterator[Session]:
     """Yield a new session with its log; at its end write the session's file and description.
 
-    clock: real, or one that does not wait. facts: further fields of the file's header, such as
-    display.
+    clock: a RealClock, or one that does not wait. facts: further fields of the file's header.
     """
     trials = order_trials(protocol)
     stamp = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
@@ -213,7 +213,7 @@ def _open_session(
 def _write_session_file(journal: Path, path: Path, recovered: bool = False) -> None:
     """Convert a session's journal to the file `path` and a description (.md); remove the journal.
 
-    recovered: whether the session was interrupted, which the description says.
+    recovered: whether the session was interrupted; then the description says so.
     """
     save_journal(journal, path, SESSION)
     save_bytes(
@@ -228,7 +228,7 @@ def _animal_messages(
 ) -> list[TimedMessage]:
     """Return the messages, (time [s], text), that a recorded track sends for a live animal.
 
-    The list is empty without --animal. FinloopError if the protocol has no live animals.
+    Without --animal there are none; with it, FinloopError if the protocol has no live animals.
     """
     if options.animal is None:
         return []
@@ -251,9 +251,9 @@ def _make_inputs(
     options: argparse.Namespace, policy: AccessPolicy, session: Session,
     messages: list[TimedMessage],
 ) -> Callable[[], list[Coroutine[Any, Any, None]]]:  # fmt: skip
-    """Return a function that makes the tasks which receive messages during a session.
+    """Return a function that makes the tasks which give a session its messages while it runs.
 
-    They listen at the ports --udp and --osc. messages: of a recorded track.
+    They listen at the ports --udp and --osc, and send `messages`, those of a recorded track.
     """
 
     async def listen(kind: str, port: int) -> None:
@@ -297,22 +297,17 @@ def _page_address(
     return f"http://{host}:{port}/{page}" + (f"?token={policy.token}" if policy.token else "")
 
 
-def _make_announcer(
+def _announce_page(
     options: argparse.Namespace, listens: socket.socket, policy: AccessPolicy
-) -> Callable[[], None]:
-    """Return a function that prints the page's address and opens it, unless --no-open is given.
+) -> None:
+    """Print the page's address, and open the page unless --no-open is given.
 
     listens: the bound socket.
     """
-
-    def announce() -> None:
-        """Print the page's address, and open it if desired."""
-        url = _page_address(options, listens, policy)
-        print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
-        if options.open:
-            open_in_browser(url)
-
-    return announce
+    url = _page_address(options, listens, policy)
+    print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
+    if options.open:
+        open_in_browser(url)
 
 
 def _run_server(server: AppServer) -> None:

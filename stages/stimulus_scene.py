@@ -134,8 +134,7 @@ def _mm_per_px(
     """Return how many mm one px of the animation shows; None if unknown.
 
     fish_mm: body length that the protocol wants, None = as the film's mm per px give it. length_px:
-    body length in the animation. film_mm_per_px: None = unknown. scale: px of the animation per px
-    of the film.
+    body length in the animation. scale: px of the animation per px of the film.
     """
     if fish_mm:
         return fish_mm / length_px

@@ -3,8 +3,7 @@
 `make sweep experiment=learning_rate S="…"` calls it, with the text of S in the variable SWEEP.
 Every run is a `dvc exp run` on the present commit, with the present params.yaml. The runs are made
 in copies of the workspace that share its cache, one copy per processor. The workspace does not
-change, and a stage with a cached result is not run again. An existing experiment with the same code
-and parameters is reused.
+change. Cached results of stages, and experiments with the same code and parameters, are reused.
 """
 
 from stages.run import THREADS, report_progress, run  # isort: skip  (before numpy)
@@ -25,7 +24,7 @@ from itertools import takewhile
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
-from typing import Any, Self
+from typing import Any
 
 import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -172,8 +171,7 @@ def _print_failure(name: str, cause: str) -> None:
 def describe_run(name: str, seconds: float, folder: Path, measures: Sequence[str]) -> str:
     """Return the line that reports a finished run: its name, how long it took, its measures.
 
-    folder: where it ran. measures: `<stage>.<number>`; those that the run does not have are left
-    out.
+    folder: where it ran. measures: `<stage>.<number>`; those that the run lacks are left out.
     """
     parts = [f"{name}: {seconds:.0f} s"]
     for measure in measures:
@@ -184,31 +182,24 @@ def describe_run(name: str, seconds: float, folder: Path, measures: Sequence[str
     return ", ".join(parts)
 
 
-class RunMaker:
+class RunMaker(ExitStack):
     """Makes runs in clones of the workspace, as many at once as there are clones.
 
     stages: to run, all if empty. jobs: runs at a time. shared: whether the runs have stages in
     common, which the first run makes for all. measures: `<stage>.<number>`, to print with each
-    finished run. As a context manager it removes its clones.
+    finished run. As a context manager it removes its clones at the end.
     """
 
     def __init__(
         self, stages: list[str], jobs: int, shared: bool = True, measures: Sequence[str] = ()
     ) -> None:
         """Check that git can store experiments; FinloopError if not. Clones are made by `make`."""
+        super().__init__()
         self.stages, self.jobs, self.shared = stages, max(1, jobs), shared
         self.measures = measures
         self.existing = list_experiments()  # raises if there is no commit for them
         read_git_user()  # raises if there is none
-        self._stack, self._clones = ExitStack(), list[Path]()
-
-    def __enter__(self) -> Self:
-        """Return this maker."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Remove the clones."""
-        self._stack.close()
+        self._clones: list[Path] = []
 
     def make(self, runs: Mapping[str, list[str]]) -> dict[str, str]:
         """Make runs, name → overrides; return the failed ones, name → cause.
@@ -300,7 +291,7 @@ class RunMaker:
             if self.shared:
                 self.shared = "up to date" not in run_dvc("status", *self.stages, folder=root)[1]
             apart = TemporaryDirectory(dir=root / APART, prefix=PREFIX)
-            self._folder = Path(self._stack.enter_context(apart))
+            self._folder = Path(self.enter_context(apart))
         for number in range(len(self._clones), count):
             self._clones.append(self._folder / str(number))
             _clone(root, self._clones[-1], self._cache.strip())
@@ -389,8 +380,7 @@ def make_sweep(
 ) -> tuple[list[str], dict[str, str], str]:
     """Make the runs of a sweep; return the finished ones, the failed ones (name → cause), a text.
 
-    name: of the sweep. overrides: of every run. jobs: runs at a time. The text says what Optuna
-    found, "" for a grid.
+    overrides: of every run. jobs: runs at a time. The text says what Optuna found, "" for a grid.
     """
     params = yaml.safe_load(compose_params(overrides))
     present = {key: params[key.partition(".")[0]]["seed"] for key in plan.list_seeds()}

@@ -40,8 +40,7 @@ def choose_goal(plan: Experiment) -> tuple[str, str]:
 def optuna_distribution(values: str) -> Any:
     """Return values in Hydra's notation as a distribution of Optuna.
 
-    An interval has continuous values, or whole ones as `int(interval(1, 9))`. Values that are
-    listed are categories.
+    An interval has continuous values, or whole ones, `int(interval(1, 9))`; a list has categories.
     """
     from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 

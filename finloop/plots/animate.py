@@ -20,8 +20,7 @@ _FILM = "0.35"
 def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure:
     """Draw speeds and turn rates of every mode beside the film's, and the time in each state.
 
-    table: columns mode, speed, turn_rate, a row per moment. numbers: `<mode>_<state>_pct`, per cent
-    of the time, 0 … 100.
+    table: columns mode, speed, turn_rate, a row per moment. numbers: `<mode>_<state>_pct`.
     """
     motion = dict(iter(table.groupby("mode", sort=False)))
     film = motion.pop(FILM_MOTION)
@@ -48,9 +47,9 @@ def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure
 def _draw_distributions(
     axes: Axes, film: Floats, of_modes: Mapping[str, Floats], colours: Mapping[str, str]
 ) -> None:
-    """Draw how often each value occurs in the film, and in the animations of modes.
+    """Draw how often each value of a quantity occurs in the film, and in the modes' animations.
 
-    film: values (n,); of_modes: the same quantity by mode; colours: by mode.
+    film: values (n,). of_modes: values by mode. colours: by mode.
     """
     low, high = np.quantile(film, [0.005, 0.995])
     bins = np.linspace(low, high, 60).tolist()

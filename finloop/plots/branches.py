@@ -21,16 +21,16 @@ from scipy import ndimage
 
 from finloop.base.arrays import Floats, Ints, Mask, Picture
 from finloop.extract.backbone import close_notches, find_longest_path, trace_backbone
-from finloop.extract.background import Scene, match_scene_to_light
-from finloop.extract.samples import TypicalFish, judge_silhouette
-from finloop.extract.segment import Silhouette, SilhouetteEdge, find_silhouettes
+from finloop.extract.background import Scene
+from finloop.extract.samples import TypicalFish
+from finloop.extract.segment import Silhouette
 from finloop.extract.settings import ExtractSettings
+from finloop.plots.extract import judge_silhouettes
 from finloop.plots.parts import crop_part, draw_message
 
 _KEPT, _PAPER, _BACKBONE = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
 _MARGIN = 6  # px of tank around a fish
-_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
 
 
 class SkeletonBranch(NamedTuple):
@@ -47,10 +47,11 @@ class SkeletonBranch(NamedTuple):
 class ThinnedFish(NamedTuple):
     """One fish, thinned to a skeleton together with every pixel above the noise around it.
 
-    Places are px of `film`, (h, w) or (h, w, 3). label: film and frame. body, whole, skeleton (h,
-    w): the silhouette, every pixel above the noise, and the latter thinned. half_width (h, w): px
-    to the edge of `whole`. branches: by the paper's rule, its backbone first. kept (m, 2): x, y of
-    the path with the greatest sum of length × width. backbone (n, 2): x, y as in finloop, None if
+    Places are px of `film`, (h, w) or (h, w, 3), the part of the frame with the fish. label: film
+    and frame. body (h, w): the silhouette. whole (h, w): every pixel above the noise. skeleton (h,
+    w): `whole` thinned. half_width (h, w): px to the edge of `whole`. branches: of the skeleton, by
+    the paper's rule, its backbone first. kept (m, 2): x, y of the skeleton's path with the greatest
+    sum of length × width. backbone (n, 2): x, y, as finloop traces it in the silhouette; None if
     the silhouette has none. body_ends: ends of the silhouette thinned alone, 2 without side
     branches.
     """
@@ -78,7 +79,10 @@ class ThinnedFish(NamedTuple):
 
     @property
     def difference_px(self) -> int:
-        """Return how many pixels of the two rules' paths lie more than 1 px off the other path."""
+        """Return how many pixels of the two rules' paths lie more than 1 px off the other path.
+
+        The paths are the first branch, by the paper's rule, and `kept`.
+        """
         # (m, k): how far each pixel of one path is from each of the other, along x or y.
         distances = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)
         return int((distances.min(0) > 1).sum() + (distances.min(1) > 1).sum())
@@ -87,8 +91,9 @@ class ThinnedFish(NamedTuple):
 def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
     """Return the number of each pixel of a skeleton, (h, w), counted from a start, as in Fig. 4.
 
-    The start (x, y) has 0, each pixel one more than its lowest neighbour, so at a joint all
-    branches continue with the same number. Other pixels have −1.
+    The start (x, y) has 0, any other pixel one more than its lowest neighbour. So at a joint all
+    branches continue with the same number. Pixels outside the skeleton, or not connected with the
+    start, have −1.
     """
     # A path costs 1 for each of its pixels; −1 means that no path leads through a pixel.
     paths = skimage.graph.MCP(np.where(skeleton, 1.0, -1.0))
@@ -99,7 +104,7 @@ def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
 def _find_ends(skeleton: Mask) -> list[tuple[int, int]]:
     """Return the ends (x, y) of a skeleton (h, w): pixels with at most one neighbour."""
     pixels = skeleton.astype(np.uint8)
-    around = cv2.filter2D(pixels, -1, _NEIGHBOURHOOD, borderType=cv2.BORDER_CONSTANT)
+    around = cv2.filter2D(pixels, -1, np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT)
     neighbours = around - pixels
     return [(int(x), int(y)) for y, x in np.argwhere(skeleton & (neighbours <= 1))]
 
@@ -107,13 +112,12 @@ def _find_ends(skeleton: Mask) -> list[tuple[int, int]]:
 def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
     """Return the branches of a skeleton (h, w) by the paper's rule (§2.2.1), greatest number first.
 
-    The numbering starts at an end from which the greatest number is reached. The first branch, to
-    the greatest number, is the paper's backbone. Every other end has a branch, which starts at its
-    joint with a branch of a greater number.
+    The numbering starts at the pixel that is farthest along the skeleton from its first pixel. The
+    first branch, to the greatest number, is the paper's backbone. Every other end has a branch,
+    which starts at its joint with an earlier branch.
     """
-    # The start, the pixel that is farthest from any other one, and the numbers from there.
-    any_y, any_x = np.argwhere(skeleton)[0].tolist()
-    distance = number_pixels(skeleton, (any_x, any_y))
+    first_y, first_x = np.argwhere(skeleton)[0].tolist()
+    distance = number_pixels(skeleton, (first_x, first_y))
     start_y, start_x = np.unravel_index(distance.argmax(), distance.shape)
     start = int(start_x), int(start_y)
     number = number_pixels(skeleton, start)
@@ -135,13 +139,16 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
 
 
 def _step_back(number: Ints, x: int, y: int) -> tuple[int, int]:
-    """Return the neighbour (x, y) of a pixel whose number is one less, beside it if possible."""
+    """Return x, y of the neighbour of a pixel (x, y) with the number before, beside it if possible.
+
+    number (h, w): from `number_pixels`.
+    """
     steps = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
     height, width = number.shape
-    for dx, dy in steps:
-        u, v = x + dx, y + dy
-        if 0 <= u < width and 0 <= v < height and number[v, u] == number[y, x] - 1:
-            return u, v
+    for right, down in steps:
+        new_x, new_y = x + right, y + down
+        if 0 <= new_x < width and 0 <= new_y < height and number[new_y, new_x] == number[y, x] - 1:
+            return new_x, new_y
     raise ValueError("the numbers of a skeleton fall by 1 towards its start")
 
 
@@ -151,15 +158,11 @@ def thin_fish(
 ) -> Iterator[ThinnedFish]:  # fmt: skip
     """Yield every isolated fish of a frame (h, w) or (h, w, 3), thinned to a skeleton.
 
-    The pale pixels around a fish, such as fins, are thinned with it. label: film and frame, for the
-    figure. typical: measures of a typical fish. arena (h, w): 255 where animals can be.
+    Its pale pixels, such as fins, are thinned with it. label: film and frame, for the figure.
+    scene, typical, arena: as in `judge_silhouettes`.
     """
-    lit_scene = match_scene_to_light(scene, frame)
-    edge = SilhouetteEdge(
-        settings.outline_contrast_ratio, settings.shadow, fins="all", thin=typical.thin
-    )
-    for silhouette in find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge):
-        if judge_silhouette(silhouette, typical, settings) == "fish":
+    for silhouette, verdict in judge_silhouettes(frame, scene, typical, arena, settings, "all"):
+        if verdict == "fish":
             yield _thin_silhouette(
                 silhouette, frame, label, settings.points, scene.threshold, typical.limbs
             )
@@ -174,23 +177,7 @@ def _thin_silhouette(
     the empty tank is noise, grey levels. limbs: whether the animal has limbs, which are cut off
     before its backbone is traced.
     """
-    # Masks of the silhouette (body), and of the fish with its pale pixels (fish), both in the box
-    # of the latter with a margin. left, top: place of the box in the frame.
-    pale = silhouette.pale or silhouette
-    left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
-    size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
-    body = _paste_mask(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
-    fish = body | _paste_mask(pale.mask, _MARGIN, _MARGIN, size)
-    pieces, _ = ndimage.label(fish, np.ones((3, 3)))
-    fish = ndimage.binary_fill_holes(pieces == pieces[body].max())  # without other pieces
-    # The part of the box around what is left, with a margin; left, top: its place in the frame.
-    window = tuple(
-        slice(max(side.start - _MARGIN, 0), side.stop + _MARGIN)
-        for side in ndimage.find_objects(fish.astype(int))[0]
-    )
-    left, top = left + window[1].start, top + window[0].start
-    # The skeleton of the fish with its pale pixels.
-    whole = fish[window]
+    body, whole, left, top = _masks_with_pale_pixels(silhouette)
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
     # What finloop makes of the silhouette alone, without pale pixels.
@@ -199,7 +186,7 @@ def _thin_silhouette(
     corner = np.array([silhouette.x0 - left, silhouette.y0 - top])
     film = crop_part(frame, left, top, whole.shape[1], whole.shape[0])
     return ThinnedFish(
-        label=label, film=film, body=body[window], whole=whole, skeleton=skeleton,
+        label=label, film=film, body=body, whole=whole, skeleton=skeleton,
         half_width=half_width, branches=find_branches(skeleton),
         kept=find_longest_path(skeleton, half_width).astype(np.int64),
         backbone=None if backbone is None else backbone.points_px + corner,
@@ -207,8 +194,29 @@ def _thin_silhouette(
     )  # fmt: skip
 
 
+def _masks_with_pale_pixels(silhouette: Silhouette) -> tuple[Mask, Mask, int, int]:
+    """Return masks (h, w) of a silhouette, and of it with its pale pixels, and their left and top.
+
+    The second has no holes and is one piece. left, top: x, y px of both in the frame.
+    """
+    # Both masks in the box of the pale pixels, with a margin.
+    pale = silhouette.pale or silhouette
+    left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
+    size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
+    body = _paste_mask(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
+    whole = body | _paste_mask(pale.mask, _MARGIN, _MARGIN, size)
+    pieces, _ = ndimage.label(whole, np.ones((3, 3)))
+    whole = ndimage.binary_fill_holes(pieces == pieces[body].max())
+    # The box around what is left, with a margin.
+    rows, columns = (
+        slice(max(side.start - _MARGIN, 0), side.stop + _MARGIN)
+        for side in ndimage.find_objects(whole.astype(int))[0]
+    )
+    return body[rows, columns], whole[rows, columns], left + columns.start, top + rows.start
+
+
 def _paste_mask(mask: Mask, x: int, y: int, size: tuple[int, int]) -> Mask:
-    """Return a mask of size (h, w) with a smaller mask in it, whose upper left pixel is at x, y."""
+    """Return a mask of a size (h, w) with a smaller mask in it, whose upper left is at x, y."""
     pasted = np.zeros(size, bool)
     pasted[y : y + mask.shape[0], x : x + mask.shape[1]] = mask
     return pasted
@@ -225,7 +233,7 @@ def choose_fish_to_draw(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish],
     most_different: list[ThinnedFish] = []
 
     def branch_order(thinned: ThinnedFish) -> tuple[int, int]:
-        """Return a key by which fish with more, then longer, side branches come first."""
+        """Return a key for sorting: more side branches first; of as many, longer ones."""
         branches = thinned.side_branches
         return -len(branches), -sum(len(branch.path) for branch in branches)
 
@@ -277,7 +285,7 @@ def lay_horizontally(fish: ThinnedFish) -> ThinnedFish:
         return fish
 
     def turn_points(xy: Any) -> Any:
-        """Turn points (m, 2), x and y in px, whole numbers or not, with the picture."""
+        """Return points (m, 2), x and y in px, turned by 90° as `np.rot90` turns the pictures."""
         return np.column_stack([xy[:, 1], width - 1 - xy[:, 0]])
 
     pictures = ("film", "body", "whole", "skeleton", "half_width")
@@ -336,7 +344,7 @@ def _draw_pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0)
 
 
 def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
-    """Colour the skeleton's pixels by number, and write the numbers of ends and joints (Fig. 4)."""
+    """Colour the branches' pixels by number, and write the numbers of ends and joints (Fig. 4)."""
     last = fish.branches[0].numbers[-1]
     for path, numbers in fish.branches:
         _draw_pixels(axes, path, colormaps["viridis"](numbers / max(last, 1)))

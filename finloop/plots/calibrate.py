@@ -21,7 +21,7 @@ _BINS = 30
 
 
 def draw_school_measures(groups: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw how each measure of a school is distributed, in a panel each, one line per group.
+    """Draw how each measure of a school is distributed: a panel per measure, a line per group.
 
     groups: name of a group, such as a half of the film → its table, with a column per measure.
     """

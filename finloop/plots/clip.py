@@ -38,21 +38,14 @@ def draw_film_check(
     for name in ("frame", "difference"):
         panels[name].set_axis_off()
     time_s = table["frame"] / rate_hz
-    _draw_curve(panels["light"], time_s, table["light"], color="#E69F00", label="brightness")
+    _draw_curve(panels["light"], time_s, table["light"], 0.1, color="#E69F00", label="brightness")
     panels["light"].set(ylabel="light (first frame = 1)")
     for axis, colour, name in (("x", "#0072B2", "right"), ("y", "#D55E00", "down")):
-        _draw_curve(
-            panels["camera"],
-            time_s,
-            table[f"shift_{axis}"],
-            color=colour,
-            label=name,
-            marker=".",
-            ms=2,
-        )
+        shift, style = table[f"shift_{axis}"], {"color": colour, "marker": ".", "ms": 2}
+        _draw_curve(panels["camera"], time_s, shift, least_span=1.0, label=name, **style)
     panels["camera"].set(ylabel="camera (px)")
     panels["camera"].legend(frameon=False, loc="upper right", ncols=2)
-    _draw_curve(panels["change"], time_s, table["change"], color="#009E73", label="change")
+    _draw_curve(panels["change"], time_s, table["change"], 4.0, color="#009E73", label="change")
     panels["change"].set(ylabel="change (grey levels)", xlabel="time (s)", ylim=(0, None))
     for name in ("light", "camera", "change"):
         panels[name].set_xlim(0, max(float(time_s.iloc[-1]), 1 / rate_hz))
@@ -60,16 +53,16 @@ def draw_film_check(
     return np.array(canvas.buffer_rgba())[..., :3]
 
 
-def _draw_curve(axes: Axes, time_s: pd.Series, values: pd.Series, **style: Any) -> None:
+def _draw_curve(
+    axes: Axes, time_s: pd.Series, values: pd.Series, least_span: float, **style: Any
+) -> None:
     """Draw values over time, with gaps where nothing was measured.
 
-    The axis spans at least a fixed range, so that a nearly constant line looks flat. style: label
-    and colour of the line. The label "brightness" or "change" chooses the range, else it is 1 px of
-    the camera's motion.
+    The axis spans at least `least_span`, so that a nearly constant line looks flat. style:
+    Matplotlib's, such as label and colour.
     """
     axes.plot(time_s, values, lw=0.8, **style)
     low, high = axes.get_ylim()
-    least_span = {"brightness": 0.1, "change": 4.0}.get(style["label"], 1.0)
     if high - low < least_span:
         middle = (low + high) / 2
         axes.set_ylim(middle - least_span / 2, middle + least_span / 2)

@@ -10,9 +10,12 @@ BLANK = "#F0DFA8"  # no shade of grey: nothing was measured there
 
 
 def rows_of_longest_tracks(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
-    """Return at most `most` row numbers (k,) of a feature table, rising, of the longest tracks."""
+    """Return the first `most` rows of a feature table's longest tracks, as rising numbers (k,).
+
+    All rows of the longest track come before those of the next, until there are `most`.
+    """
     track = features["track_id"]
-    track_length = track.groupby(track).transform("size").to_numpy()
+    track_length = track.groupby(track).transform("size").to_numpy()  # of each row's track
     longest_first = np.lexsort((np.arange(len(track)), track, -track_length))
     return np.sort(longest_first[:most])
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from finloop.base.arrays import Mask, Picture
 from finloop.extract.background import Scene, match_scene_to_light
+from finloop.extract.fins import Fins
 from finloop.extract.samples import TypicalFish, Verdict, judge_silhouette
 from finloop.extract.segment import Edge, Silhouette, SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
@@ -22,15 +23,16 @@ _COLOURS: dict[Verdict, Colour] = {  # RGB; colour-blind people distinguish them
 
 
 def judge_silhouettes(
-    frame: Picture, scene: Scene, typical: TypicalFish, arena: Picture, settings: ExtractSettings
-) -> Iterator[tuple[Silhouette, Verdict]]:
+    frame: Picture, scene: Scene, typical: TypicalFish, arena: Picture, settings: ExtractSettings,
+    fins: Fins = "none",
+) -> Iterator[tuple[Silhouette, Verdict]]:  # fmt: skip
     """Yield the silhouettes of a frame (h, w[, 3]), each with the verdict on it.
 
     scene, typical: the background and a typical fish, as extraction measured them. arena (h, w):
-    255 where animals can be.
+    255 where animals can be. fins: which pale pixels belong to a silhouette.
     """
     lit_scene = match_scene_to_light(scene, frame)
-    edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
+    edge = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, fins, typical.thin)
     for silhouette in find_silhouettes(frame, lit_scene, arena, settings.least_area_px, edge):
         yield silhouette, judge_silhouette(silhouette, typical, settings)
 
@@ -47,14 +49,13 @@ def draw_detections(
 ) -> Picture:  # fmt: skip
     """Return a picture of frames, two per row, with an outline around each silhouette.
 
-    Its colour is that of the verdict on the silhouette: "fish", or why it is none, such as "too
-    small". labels: a text for each frame. scene, typical, arena: as in `judge_silhouettes`. The
-    picture is RGB (h, w, 3), with a key on top. Sizes of texts and lines are of a frame 900 px
-    wide, and scaled with its width.
+    The outline's colour is that of the verdict on the silhouette: "fish", or why it is none, such
+    as "too small". labels: a text for each frame. scene, typical, arena: as in `judge_silhouettes`.
+    The picture is RGB (h, w, 3), with a key on top. Texts and lines grow with the frames' width.
     """
     panels = []
     for frame, label in zip(frames, labels, strict=True):
-        panel, scale = convert_to_colour(frame), frame.shape[1] / 900
+        panel, scale = convert_to_colour(frame), frame.shape[1] / 900  # 1: a frame 900 px wide
         for silhouette, verdict in judge_silhouettes(frame, scene, typical, arena, settings):
             outlines = trace_outlines(silhouette.mask, (silhouette.x0, silhouette.y0))
             outline, stroke = max(outlines, key=len), max(1, frame.shape[1] // 600)

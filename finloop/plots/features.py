@@ -57,10 +57,7 @@ def figure7(features: pd.DataFrame) -> Figure:
 
 
 def draw_trajectories(features: pd.DataFrame, background: Picture) -> Figure:
-    """Draw the paths of at most 200 tracks, spread over the film, over the empty tank.
-
-    Arrows show some headings.
-    """
+    """Draw the paths of at most _MOST_TRACKS tracks over the empty tank, with some headings."""
     figure, axes = draw_empty_tank(background, alpha=0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))
     tracks = features["track_id"].unique()
@@ -118,19 +115,20 @@ def read_specimens(
 
     table, tracks: the feature table and the tracks, which have the same rows. cutouts: by row.
     """
-    lines = lists_to_points(tracks, "backbone")  # they may begin at either end
-    lines = np.where(begins_at_tail(lines, table)[:, None, None], lines[:, ::-1], lines)
+    backbones = lists_to_points(tracks, "backbone")  # they may begin at either end
+    tail_first = begins_at_tail(backbones, table)[:, None, None]
+    backbones = np.where(tail_first, backbones[:, ::-1], backbones)
     for row in rows.tolist():
         cutout = cutouts[row]
         film = cutout.blend_over(background)
-        yield Specimen(table.iloc[row], lines[row], film, cutout.x0_px, cutout.y0_px)
+        yield Specimen(table.iloc[row], backbones[row], film, cutout.x0_px, cutout.y0_px)
 
 
 def choose_rows_to_check(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
-    """Return rows for a contact sheet: doubtful heads first, then motion areas of all sizes.
+    """Return rows for a contact sheet: first doubtful heads, then motion areas of all sizes.
 
-    The first half has the least confidence in head and tail, the worst first, at most three per
-    track. The second half is spread over the range of motion areas, the largest first.
+    The first half has the least confidence in head and tail, the worst first, at most three rows of
+    a track. The others are spread over the motion areas, the largest first.
     """
     order = features["head_confidence"].to_numpy().argsort(kind="stable")
     track = features["track_id"].iloc[order]
@@ -144,8 +142,7 @@ def choose_rows_to_check(features: pd.DataFrame, count: int) -> NDArray[np.intp]
 def draw_specimens(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
     """Return a picture of fish in tiles, each with backbone, control points, B-spline and heading.
 
-    columns: tiles per row. size: width of a tile in px. The picture is (h, w, 3), with a key on
-    top.
+    columns: tiles per row. size: width of a tile, px. The picture is (h, w, 3), with a key on top.
     """
     rows = join_in_rows([_draw_tile(specimen, size) for specimen in specimens], columns)
     key = np.full((24, rows[0].shape[1], 3), 40, np.uint8)

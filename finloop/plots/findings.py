@@ -46,8 +46,8 @@ def draw_film_fault(
 ) -> FaultPicture | None:
     """Return a picture of a fault of light, camera or frames; None if no frame shows it.
 
-    fault: word of the finding; None, too, if it is about another one. table: columns `check.CHECK`,
-    of all frames. rate_hz: frames per second. tank: the empty tank (h, w[, 3]).
+    fault: word of the finding; of a fault that is not of light, camera or frames there is no
+    picture either. table: columns `check.CHECK`, of all frames. tank: the empty tank (h, w[, 3]).
     read_frames(numbers): yields the frames (h, w[, 3]) of these numbers, which ascend.
     """
     match fault:
@@ -75,10 +75,10 @@ def draw_animal_fault(
 ) -> FaultPicture | None:  # fmt: skip
     """Return a picture of the animal that shows a fault best; None if no frame shows it.
 
-    fault: word of the finding; None, too, if `_CAPTIONS` lacks it. frames: pairs (label, picture)
-    that are searched. scene, typical, arena: as in `judge_silhouettes`. Of animals that are cut
-    off, the largest is shown; of those with black or white pixels, the one with the most; for other
-    faults, one of typical area.
+    fault: word of the finding; there is no picture either if `_CAPTIONS` lacks it. frames: pairs
+    (label, picture) that are searched. scene, typical, arena: as in `judge_silhouettes`. Of animals
+    that are cut off, the largest is shown; of those with black or white pixels, the one with the
+    most; for other faults, the one whose area is most like that of a typical fish.
     """
     if fault not in _CAPTIONS:
         return None
@@ -147,8 +147,12 @@ def _draw_shake(
 
 
 def _draw_repeat(change: pd.Series, read_frames: ReadFrames) -> FaultPicture:
-    """Return one place of three frames, of which the second repeats the first."""
-    beside = np.minimum(change.shift(), change.shift(-1))  # changes before and after
+    """Return one place of three frames, of which the second repeats the first.
+
+    change: by how much each frame differs from the one before; little at a repeat, and much before
+    and after it.
+    """
+    beside = np.minimum(change.shift(), change.shift(-1))  # the lesser of the changes around it
     number = int(((beside + 0.1) / (change + 0.1)).idxmax())  # 0.1: where little moves, no ratio
     numbers = [number - 1, number, number + 1]
     frames = [frame.copy() for frame in read_frames(numbers)]
@@ -168,8 +172,8 @@ def _most_changed_place(before: Picture, after: Picture) -> Box:
 def _crop_around(frame: Picture, box: Box, outlines: Sequence[Edge] = ()) -> Picture:
     """Return the part of a frame (h, w[, 3]) around a box, as a small picture (h, w, 3).
 
-    The part has the shape 4:3, is twice as large as the box, at least 64 px wide, and lies within
-    the frame. outlines: are drawn.
+    The part has the shape 4:3, is _AROUND times as large as the box and at least _CLOSEST_PX wide,
+    and is cut at the frame's edges. outlines: drawn into the picture, px of the frame.
     """
     left, top, width, height = box
     wanted = max(_CLOSEST_PX, _AROUND * max(width, height * _WIDTH_PX / _HEIGHT_PX))

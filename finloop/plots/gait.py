@@ -1,7 +1,7 @@
 """Figs. 8–14 of the curve paper for any contours: a dog's limbs, a fish's outline."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import cycle, pairwise
 from typing import Any
 
 import numpy as np
@@ -36,9 +36,8 @@ def draw_gait_figures(
 ) -> Iterator[tuple[str, Figure]]:  # fmt: skip
     """Yield Figs. 8 to 14 of the curve paper, each with its name, "fig8" to "fig14".
 
-    film: contours with their phases. gait: phases and γ. keys: the two key frames. subcycles: by
-    name of the contour and 0 for A, 1 for B. pictures: frames of the film with their phases; None:
-    Fig. 8 shows contours.
+    film: contours with their phases. subcycles: by name of the contour and 0 for A, 1 for B.
+    pictures: frames of the film with their phases; None = Fig. 8 shows contours.
     """
     yield "fig8", _figure8(*pictures) if pictures else _figure8_contours(film)
     yield "fig9", _figure9(gait, keys, film)
@@ -100,8 +99,8 @@ def _figure9(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
 def _draw_support(ax: Axes, gait: Gait) -> None:
     """Draw a row per limb over the phase: ● where it is on the ground, ○ where it is lifted."""
     phases = np.linspace(0, 1, 24, endpoint=False) + 1 / 48  # the middle of each 24th
-    inks = _contour_colours(gait.support)
-    for row, (ink, spans) in enumerate(zip(inks, gait.support.values(), strict=True)):
+    inked_spans = zip(cycle(INKS), gait.support.values(), strict=False)  # of phases, limb by limb
+    for row, (ink, spans) in enumerate(inked_spans):
         on_ground = np.zeros(len(phases), bool)
         for start, stop in spans:  # a span may end in the next cycle
             on_ground |= (start <= phases) & (phases < stop)
@@ -118,7 +117,7 @@ def _draw_reach(ax: Axes, gait: Gait, keys: KeyFrames, film: GaitContours) -> No
     """Draw how far sideways each contour reaches over the cycle, at its point that swings most."""
     phases = np.linspace(0, 1, 121)
     frames = _synthesize_contours(gait, keys, film, phases)
-    for ink, (name, points) in zip(_contour_colours(frames), frames.items(), strict=True):
+    for ink, (name, points) in zip(cycle(INKS), frames.items(), strict=False):
         widest = int(np.ptp(points[..., 1], axis=0).argmax())
         sideways = points[:, widest, 1] / film.body_length
         ax.plot(phases, sideways, color=ink, label=f"{name.replace('_', ' ')}: its farthest point")
@@ -128,18 +127,18 @@ def _draw_reach(ax: Axes, gait: Gait, keys: KeyFrames, film: GaitContours) -> No
 
 
 def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
-    """Draw Fig. 10: the frames of subcycle A up to key 2, and of C mapped onto them by symmetry.
+    """Draw Fig. 10: the frames of subcycle A, and those of C mapped onto A by symmetry.
 
-    split: phase of key 2, in cycles. Each contour has a cell of its own.
+    split: phase of key 2, at which A ends, in cycles. Each contour has a cell of its own.
     """
-    # The frames of each contour, and their extents.
+    # The frames of each contour, and their extents. C is half a cycle after A.
     in_a_or_c = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
     in_c = (np.mod(film.phase, 1) >= 0.5)[in_a_or_c, None, None]
     later = film.contours_half_cycle_later(film.contours)  # turns C into A
     frames, middles, sizes = {}, {}, []
     for name, contours in film.contours.items():
         frames[name] = np.where(in_c, later[name][in_a_or_c], contours[in_a_or_c])
-        low, high = _least_xy(frames[name]), _greatest_xy(frames[name])
+        low, high = np.nanmin(frames[name], axis=(0, 1)), np.nanmax(frames[name], axis=(0, 1))
         middles[name] = (low + high) / 2
         sizes.append(high - low)
     # A cell for each contour, a little larger than the largest one.
@@ -149,7 +148,7 @@ def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
     rows = -(-len(names) // columns)  # rounded up
     figure, ax = _open_plot(9.0, 9.0 / columns * rows * height / width + 0.6, title="")
     ax.set_title("subcycle A: key 1 dashed, key 2 solid, frames dotted", fontsize=10)
-    for k, (name, ink) in enumerate(zip(names, _contour_colours(names), strict=True)):
+    for k, (name, ink) in enumerate(zip(names, cycle(INKS), strict=False)):
         shift = np.array([k % columns * width, k // columns * height]) - middles[name]
         for points in frames[name]:
             _draw_contour(ax, points + shift, color=GREY, ls=":", lw=1.0)
@@ -164,8 +163,8 @@ def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
 def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
     """Draw Fig. 11: the share f(τ) of the change between two keys that remains, and its fit by γ.
 
-    τ: time from key to key, 0 … 1. Frames of subcycle A are 'o', of B 'x'; f is found by least
-    squares over the contour. subcycles: by name of the contour and 0 for A, 1 for B.
+    τ: time from key to key, 0 … 1. Frames of subcycle A are 'o', of B 'x'; f of a frame is found by
+    least squares over the contour. subcycles: by name of the contour and 0 for A, 1 for B.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     columns = min(4, len(names))
@@ -179,7 +178,7 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
         ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
         for number, (letter, mark, ink) in enumerate(zip("AB", "ox", INKS, strict=False)):
             subcycle = subcycles[name, number]
-            # Least squares: each frame = end + f · (start − end).
+            # Least squares: each frame, a sample, = end + f · (start − end).
             change = (subcycle.start - subcycle.end).ravel()
             samples = subcycle.samples
             remaining = (samples.coefficients - subcycle.end).reshape(len(samples.tau), -1)
@@ -266,12 +265,9 @@ def _draw_sheet(
 
 
 def _cell_size(rows: Sequence[Sequence[Pose]]) -> Points:
-    """Return width and height of a cell that is large enough for each of some poses.
-
-    They are in the unit of the poses.
-    """
-    points = _all_points([pose for row in rows for pose in row])
-    width, height = _greatest_xy(points) - _least_xy(points)
+    """Return width and height of a cell that holds any of some poses, in the unit of the poses."""
+    least, greatest = _bounds(rows)
+    width, height = greatest - least
     return np.array([1.08 * width, 1.04 * height + 0.13 * width])  # with room for a title
 
 
@@ -282,15 +278,15 @@ def _draw_cells(
 
     All are in one plot: a plot for each would take ten times as long.
     """
-    least = _least_xy(_all_points([pose for row in rows for pose in row]))
-    width, height = _cell_size(rows)
+    (least, _), (width, height) = _bounds(rows), _cell_size(rows)
     next_titles = iter(titles)
     for row_number, row in enumerate(rows):
         for column, pose in enumerate(row):
             corner = np.array([column * width, row_number * height])
-            for ink, points in zip(_contour_colours(pose), pose.values(), strict=True):
-                ax.fill(*(points - least + corner).T, color=ink, alpha=0.25, lw=0)
-                _draw_contour(ax, points - least + corner, color=ink, lw=1.1)
+            for ink, contour in zip(cycle(INKS), pose.values(), strict=False):
+                points = contour - least + corner
+                ax.fill(*points.T, color=ink, alpha=0.25, lw=0)
+                _draw_contour(ax, points, color=ink, lw=1.1)
             x, y = corner + np.array([0.46 * width, -0.02 * width])
             ax.text(x, y, next(next_titles), ha="center", va="bottom", fontsize=7)
         if names:
@@ -320,21 +316,10 @@ def _draw_contour(ax: Axes, points: Points, color: str, lw: float, ls: str = "-"
     ax.plot(*np.concatenate([points, points[:1]]).T, color=color, lw=lw, ls=ls)
 
 
-def _contour_colours(names: Mapping[str, object] | Sequence[str]) -> list[str]:
-    """Return a colour for each of some names, in their order."""
-    return [INKS[k % len(INKS)] for k in range(len(names))]
+def _bounds(rows: Sequence[Sequence[Pose]]) -> tuple[Points, Points]:
+    """Return the least x and y, and the greatest x and y, of all poses in some rows.
 
-
-def _all_points(poses: Sequence[Pose]) -> Points:
-    """Return the points of all contours of some poses, (n, 2)."""
-    return np.concatenate([points for pose in poses for points in pose.values()])
-
-
-def _least_xy(points: Points) -> Points:
-    """Return the least x and the least y of some points (…, 2); NaN does not count."""
-    return np.nanmin(points.reshape(-1, 2), axis=0)
-
-
-def _greatest_xy(points: Points) -> Points:
-    """Return the greatest x and the greatest y of some points (…, 2); NaN does not count."""
-    return np.nanmax(points.reshape(-1, 2), axis=0)
+    NaN does not count.
+    """
+    points = np.concatenate([points for row in rows for pose in row for points in pose.values()])
+    return np.nanmin(points, axis=0), np.nanmax(points, axis=0)

@@ -30,10 +30,9 @@ def gateway_pictures(
 ) -> Iterator[TransitionPictures]:
     """Yield the pictures of gateways, in the pose in which they were compared.
 
-    Those of at most `most` gateways, evenly spaced from the smallest distance to the largest,
-    (TILE, TILE, c) each. gateways: columns sprite, row, orientation (0 = any), direction (IN: from
-    a sprite into the film, OUT: back), distance. reel: the film's cut-outs and sprites. facts: how
-    the distance map was made.
+    At most `most` gateways are shown, evenly spaced from the smallest distance to the largest. A
+    picture is (TILE, TILE, c). gateways: columns sprite, row, orientation (0 = any), direction (IN:
+    from a sprite into the film, OUT: back), distance. facts: how the distance map was made.
     """
     by_distance = gateways.sort_values("distance", kind="stable")
 

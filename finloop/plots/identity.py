@@ -26,10 +26,10 @@ def draw_timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -
         animals[is_shown], (stop_s - start_s)[is_shown] + 1 / rate_hz, left=start_s[is_shown],
         height=0.7, color=np.where(animals[is_shown] % 2, "#5b7f95", "#9db4c0"),
     )  # fmt: skip
-    row_of_track = {track: row for row, track in enumerate(table["track_id"])}
-    later = [row for row in np.flatnonzero(is_shown) if table["after_track"].iloc[row] >= 0]
-    earlier = [row_of_track[table["after_track"].iloc[row]] for row in later]
-    # In the middle of the gap, which may be much shorter than a point.
+    # The joins: rows of the later tracks, and of those before these. A point lies amid the gap,
+    # which may be much shorter.
+    later = np.flatnonzero(is_shown & (table["after_track"] >= 0).to_numpy())
+    earlier = pd.Index(table["track_id"]).get_indexer(table["after_track"].iloc[later])
     points = axes.scatter(
         (stop_s[earlier] + start_s[later]) / 2, animals[later],
         c=table["probability"].iloc[later], vmin=0.5, vmax=1, cmap="viridis", s=22, zorder=3,

@@ -48,11 +48,10 @@ def find_most_improper_loop(
 ) -> ImproperLoop | None:
     """Return the improper loop that shows the fault most clearly; None if no pair is improper.
 
-    Pairs that are improper between their ends come before those that are improper at an end. Of
-    these the pair whose travel differs most from the heading is taken; a path below one body length
-    counts less. candidates: pairs of similar rows, columns a, b, improper, filtered (distance, mean
-    with that of their neighbours). max_angle_deg: a larger angle between travel and heading is
-    improper.
+    A pair that is improper between its ends is preferred to one that is improper at an end. Of
+    these, the pair whose travel differs most from the heading is taken; a path below one body
+    length counts less. candidates: pairs of similar rows, columns a, b, improper, filtered (mean
+    distance of them and their neighbours). max_angle_deg: a larger angle is improper.
     """
     pairs = candidates[candidates["improper"]]
     if pairs.empty:

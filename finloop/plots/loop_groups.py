@@ -1,5 +1,6 @@
 """Fig. 12 of the fish paper: groups of loops that never overlap in time, and dead ends."""
 
+from heapq import nlargest
 from itertools import pairwise
 
 import numpy as np
@@ -26,7 +27,7 @@ Rows = NDArray[np.integer]
 
 
 def find_runs(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
-    """Return the unbroken runs of True in `inside` (n,): first row of each, and the row after it.
+    """Return the unbroken runs of True in `inside` (n,), as pairs (first row, row after the last).
 
     A run ends where the track ends. track_id (n,): the track of each row.
     """
@@ -36,14 +37,15 @@ def find_runs(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
 
 
 def rows_within_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
-    """Return which rows (n,) of the film lie between the two ends of a loop.
+    """Return a mask (n,) of the film's rows that lie between the two ends of any loop, or are ends.
 
     Of a loop between two tracks only its ends count. track_id (n,): the track of each row.
     """
-    change = np.zeros(len(track_id) + 1, np.int64)  # of the number of loops that lie over a row
+    # By how much the number of loops that cover a row differs from that of the row before.
+    change = np.zeros(len(track_id) + 1, np.int64)
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     within = track_id[a] == track_id[b]
-    # From a to b, or a alone; and b alone.
+    # Each loop covers a to b; or, between two tracks, a and b.
     for first, last in ((a, np.where(within, b, a)), (b, b)):
         np.add.at(change, first, 1)
         np.add.at(change, last + 1, -1)
@@ -56,8 +58,7 @@ def figure12(
     """Draw Fig. 12 of the fish paper: groups of loops along the film, and its dead ends.
 
     At the top are the loops within a track, as in the paper. Below are a line for each group of all
-    loops, and the parts of the film that can be played for ever. graph: of all loops. rate_hz:
-    frames per second.
+    loops, and the parts of the film that can be played for ever. graph: of all loops.
     """
     track_id = features["track_id"].to_numpy()
     heights = (3.2, 0.45 + 0.28 * _count_lines(loops["group"].nunique()), 1.5)
@@ -84,14 +85,14 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
     if within.empty:
         axes.set_title("no loop lies within one track", loc="left", fontsize=10)
         return
-    # The groups; their colours alternate in time.
+    # The groups, numbered from 0; their colours alternate in time.
     groups = group_overlapping_loops(within["a"].to_numpy(), within["b"].to_numpy(), track_id)
     within = within.assign(track_group=groups).sort_values(["track_group", "length_s"])
     count, drawn = int(groups.max()) + 1, 0
     arcs_per_group = max(1, min(_PER_GROUP, _ARCS // count))
     by_group = within.groupby("track_group")
     rank_in_time = by_group["a"].min().rank(method="first").astype(int) - 1
-    # Of each colour: first the start and length of the bars, then the points of the arcs, s.
+    # By colour: the bars (start, length), s, and the arcs, points as `arc_points` returns them.
     bars: list[list[tuple[float, float]]] = [[] for _ in _IN_TURN]
     arcs: list[list[NDArray[np.float64]]] = [[] for _ in _IN_TURN]
     for group_number, group in by_group:
@@ -151,7 +152,7 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
 
 
 def _count_lines(groups: int) -> int:
-    """Return how many lines show so many groups: the last line holds all beyond `_LINES`."""
+    """Return on how many lines groups are drawn: one each, and one for all beyond `_LINES`."""
     return min(groups, _LINES + 1)
 
 
@@ -199,11 +200,10 @@ def _name_longest_runs(
 ) -> None:
     """Write track, frames and duration of the longest runs side by side below a bar of the film.
 
-    runs: of each the first row, and the row after the last. rate_hz: frames per second.
+    runs: pairs (first row, row after the last).
     """
     track_id, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
-    longest_first = sorted(runs, key=lambda run: run[0] - run[1])
-    named = sorted(longest_first[:_NAMED])
+    named = sorted(nlargest(_NAMED, runs, key=lambda run: run[1] - run[0]))
     for number, (start, stop) in enumerate(named):
         text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"
         axes.annotate(

@@ -40,13 +40,13 @@ class ThreeRoutes(NamedTuple):
 
 
 def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None:
-    """Return four loops as in the fish paper's Fig. 10a, and three routes; None if there are none.
+    """Return four loops as in the fish paper's Fig. 10a, and three routes; None without such loops.
 
-    The loops belong to one track; A … H are their eight ends in time. F, G and H jump back to
-    before F. So from G the film can jump at once, or play on to H and jump from there. The fourth
-    loop lies between the end to which H leads and F, so that the route can include it. Of all such
-    loops, these have the ends that are farthest from each other in time. track_id (n,): the track
-    of each row.
+    The loops belong to one track; A … H are their eight ends, ordered in time. F, G and H jump back
+    to before F. So from G the film can jump at once, or play on to H and jump from there. The
+    fourth loop lies between F and the end to which H leads, so that a route can include it. Of all
+    such fours, the one is taken whose ends are most evenly apart in time, see `_least_gap_shares`.
+    track_id (n,): the track of each row.
     """
     # The best four loops of the tracks with the most loops.
     within = loops[loops["length_s"].notna()]  # a loop between two tracks has no length
@@ -71,15 +71,13 @@ def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None
 def _least_gap_shares(pairs: Ints) -> Floats:
     """Return the least time between two ends of four loops, as a share of the time that they span.
 
-    pairs (n, 4, 2): the ends of n choices of four loops. The share (n,) is 0 where the loops do not
-    lie as in the paper.
+    pairs (n, 4, 2): rows of one track, the ends of n choices of four loops. The share (n,) is 0
+    where the loops do not lie as in the paper, see `find_three_routes`.
     """
-    n = len(pairs)
-    ends = pairs.reshape(n, 8)
+    ends = pairs.reshape(-1, 8)
     order = ends.argsort(axis=1, kind="stable")
     rank = np.argsort(order, axis=1)  # of each end in time, 0 for A … 7 for H
-    # (n, 8): for each of A … H, the rank of its loop's other end; the ends of a loop are neighbours
-    # in `ends`.
+    # (n, 8): for each of A … H, the rank of its loop's other end, its neighbour in `ends`.
     partner = np.empty_like(rank)
     np.put_along_axis(partner, rank, rank[:, [1, 0, 3, 2, 5, 4, 7, 6]], axis=1)
     time = np.take_along_axis(ends, order, axis=1)
@@ -92,17 +90,17 @@ def _least_gap_shares(pairs: Ints) -> Floats:
 
 
 def choose_cases(candidates: Sequence[list[Leg]]) -> list[list[Leg]]:
-    """Return the three routes of the fish paper's Fig. 10b, the shortest of some candidates each.
+    """Return the three routes of the fish paper's Fig. 10b, each the shortest of its kind.
 
-    Case 1 plays on and then jumps once. Case 2 jumps at once. Case 3 is case 1 with one more loop
-    on the route: a second jump, back in time. candidates: the shortest first, all three among them.
+    Case 1 plays on and then jumps once. Case 2 jumps at once, once. Case 3 is case 1 with one more
+    loop on the route: a second jump, back in time. candidates: of all kinds, the shortest first.
     """
     one_jump = [route for route in candidates if len(jump_legs(route)) == 1]
     first = next(route for route in one_jump if route[0].kind == PLAY)
     second = next(route for route in one_jump if route[0].kind == JUMP)
 
     def has_one_more_loop(route: Sequence[Leg]) -> bool:
-        """Return whether a route has the jump of case 1, and then one more jump, back in time."""
+        """Return whether a route jumps as case 1, and then once more, back in time."""
         jumps = jump_legs(route)
         goes_back = len(jumps) == 2 and jumps[1].to_row < jumps[1].from_row
         return goes_back and jumps[:1] == jump_legs(first)
@@ -128,8 +126,7 @@ def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> 
     """Draw Fig. 10 of the fish paper: four loops in time (a), and three routes from G to F (b).
 
     Between are the pictures at the loops' ends. reel: the film's cut-outs and features. pose: the
-    pose in which the ends were compared. natural_step: the film's median distance between one
-    picture and the next.
+    pose in which the ends were compared. natural_step: in the unit of the loops' distances.
     """
     figure = Figure(figsize=(12.5, 9.8), layout="constrained")
     heights = 3.2, 1.1, 5.6
@@ -213,7 +210,7 @@ def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> No
     ends: rows of A … H. frame (n,): the frame of each row. A jump is a dotted line down, along and
     down again, to an arrow head.
     """
-    # The lines.
+    # The lines; `level` counts the jumps so far.
     level = 0
     for start, stop, kind in merge_play_legs(route):
         if kind == PLAY:

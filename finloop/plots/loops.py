@@ -35,8 +35,8 @@ def arc_points(
 ) -> NDArray[np.float64]:
     """Return a half ellipse over a time axis for each of n spans of time, as points (n, 40, 2).
 
-    a, b (n,): begin and end of the spans. A point is a time and a height; an arc's height is
-    √(width / longest). longest: by default the greatest width.
+    a, b (n,): begin and end of the spans. A point is a time and a height; a span's arc is
+    √(its length / longest) high. longest: None = the length of the longest span.
     """
     angle = np.linspace(0, np.pi, 40)
     middle, half = (a + b)[:, None] / 2, (b - a)[:, None] / 2
@@ -84,7 +84,7 @@ def draw_loops_over_tank(
 def figure11(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
     """Draw Fig. 11 of the fish paper: a track with its loop ends A, B …, and their position table.
 
-    table: quadrants as texts, "" where there is none. ends: rows of the feature table.
+    table: quadrants as texts, "" where there is none. ends: rows of one track, in time order.
     """
     figure = Figure(figsize=(14, 7), layout="constrained")
     path, cells = figure.subplots(1, 2)
@@ -140,8 +140,8 @@ class TransitionPictures(NamedTuple):
 def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[TransitionPictures]:
     """Yield the pictures of each loop: the row before its end a, row a, and row b in its place.
 
-    loops: columns a, b, distance, filtered. reel: the film's cut-outs and features. facts: how the
-    distance map was made.
+    Where a track begins at a, row a stands for the row before. loops: columns a, b, distance,
+    filtered. reel: the film's cut-outs and features. facts: how the distance map was made.
     """
     track, frame = reel.features["track_id"].to_numpy(), reel.features["frame"].to_numpy()
     for loop in loops.itertuples():
@@ -157,17 +157,18 @@ def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[
 
 
 def choose_separate_loops(loops: pd.DataFrame, min_rows_apart: int, count: int) -> list[int]:
-    """Return the places in the table of its first `count` loops whose ends lie far apart in time.
+    """Return the positions in their table of at most `count` loops whose ends lie apart in time.
 
-    min_rows_apart: the ends of two chosen loops are farther apart than this.
+    The loops are taken in the order of the table; one with an end that is not more than
+    `min_rows_apart` rows from an end of a loop taken before is left out.
     """
-    ends, places = loops[["a", "b"]].to_numpy(), list[int]()  # places: those chosen
-    for place, pair in enumerate(ends):
-        if len(places) == count:
+    ends, chosen = loops[["a", "b"]].to_numpy(), list[int]()
+    for position, pair in enumerate(ends):
+        if len(chosen) == count:
             break
-        if (np.abs(ends[places].reshape(-1, 1) - pair) > min_rows_apart).all():
-            places.append(place)
-    return places
+        if (np.abs(ends[chosen].reshape(-1, 1) - pair) > min_rows_apart).all():
+            chosen.append(position)
+    return chosen
 
 
 def figure8(best: Sequence[TransitionPictures], worst: Sequence[TransitionPictures]) -> Figure:

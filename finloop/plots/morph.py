@@ -16,8 +16,7 @@ _BAR = 22  # px above a row, for its name
 def draw_morphs(morphs: Mapping[str, Morph]) -> Picture:
     """Return a picture (h, w, 3) with a row of frames for each morph, from its first to its last.
 
-    morphs: by the name of the row. Above a row are its name and its number of folds, places where a
-    contour meets itself.
+    morphs: by name. Above a row are its name and its number of folds: a contour meets itself.
     """
     rows = []
     for name, morph in morphs.items():

@@ -23,7 +23,7 @@ def draw_path(paths: pd.DataFrame, departures: pd.DataFrame, background: Picture
     modes = dict(iter(paths.groupby("mode", sort=False)))
     timed = bool(paths["late"].notna().any())
     figure = Figure(figsize=(15, max(5.0, 7.5 * height / width)), layout="constrained")
-    # The tank, with the requested path as the mode shows it that got farthest.
+    # The tank, with the requested path as far as the mode that got farthest.
     grid = GridSpec(len(modes), 2, figure, width_ratios=[1.1, 1])
     tank = figure.add_subplot(grid[:, 0])
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
@@ -53,8 +53,7 @@ def _draw_errors(
 ) -> None:
     """Draw a mode's errors over time, with bands where the fish has left the path.
 
-    path, departures: the mode's rows, as in `draw_path`; timed: whether the path has times, so that
-    a fish can be late.
+    path, departures: the mode's rows, as in `draw_path`. timed: whether the fish can be late.
     """
     axes.plot(path["time_s"], path["across"], color=colour, lw=1, label="beside the path")
     if timed:

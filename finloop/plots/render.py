@@ -39,9 +39,9 @@ _HALO = [withStroke(linewidth=2.5, foreground="white")]
 def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
     """Draw Figs. 16, 17 of the fish paper: the fish's path over the empty tank, and its goals.
 
-    The colour shows the source of the picture, or the state where all have one source. Each goal
-    has the time at which it was reached. Crosses: the fish stays on the spot, as every route leaves
-    the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
+    The path's colour shows the source of the picture, or the state where all have one source. Each
+    goal has the time at which it was reached. Crosses: the fish stays on the spot, as every route
+    leaves the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
     """
     figure, axes = draw_empty_tank(background, alpha=0.45, key_inches=0.5)
     key = _draw_paths(axes, edit)
@@ -69,7 +69,7 @@ def _draw_goals(axes: Axes, edit: pd.DataFrame, goals: Sequence[Goal]) -> None:
     reached_s = {}
     for rows in split_by_fish(edit):
         for name, _, stop in goal_stretches(rows):
-            if stop < len(rows):
+            if stop < len(rows):  # else the animation ends on the way to the goal
                 reached_s[name] = rows["time_s"].iloc[stop]
     for goal in goals:
         reached = goal.name in reached_s
@@ -84,7 +84,7 @@ def _draw_goals(axes: Axes, edit: pd.DataFrame, goals: Sequence[Goal]) -> None:
 
 
 def _draw_paths(axes: Axes, edit: pd.DataFrame) -> list[Line2D]:
-    """Draw the path of each fish, with its start and some headings; return the key of its colours.
+    """Draw the path of each fish, with its start and some headings; return the key of the colours.
 
     A thin grey line is swimming without a goal.
     """
@@ -132,9 +132,9 @@ class Tile(NamedTuple):
 
 
 def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
-    """Return the tick at which the `count` successive ticks begin in which the heading turns most.
+    """Return the first of those `count` successive ticks in which the heading turns most.
 
-    Turns to both sides count.
+    edit: of one fish. Turns to both sides add up.
     """
     if len(edit) <= count:
         return 0
@@ -147,21 +147,21 @@ def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
 def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
     """Return ticks, rising, at which another part of the film, a sprite or a cross-fade begins.
 
-    There are at most `most`, spread over the animation; at least half, rounded down, are switches
-    between sprite and frame, if there are so many. tracks: track_id and frame of every cut-out.
+    There are at most `most`, spread over the animation. Half of them, rounded down, or more are
+    switches between sprite and frame, if there are so many. edit: of one fish.
     """
     # All such ticks.
     kind = edit["kind"].to_numpy()
     fades = (edit["weight"] > 0).to_numpy()  # ticks within a cross-fade
     changes_kind = np.append(False, kind[1:] != kind[:-1])
     is_frame = kind == FRAME
-    # Track and frame that each tick shows; on a jump not the next frame of the same track.
+    # Track and frame that each tick shows; a jump leads to another than the track's next frame.
     filmed = tracks[["track_id", "frame"]].to_numpy()[np.where(is_frame, edit["source"], 0)]
     jumps = (np.diff(filmed, axis=0) != (0, 1)).any(axis=1) & is_frame[1:] & is_frame[:-1]
     fade_begins = fades & ~np.append(False, fades[:-1])
     switches = np.flatnonzero(changes_kind)
     others = np.flatnonzero((np.append(False, jumps) | fade_begins) & ~changes_kind)
-    # The choice.
+    # The choice: more switches than half only where the others are too few.
     total = min(most, len(switches) + len(others))
     switch_count = min(len(switches), max(total - len(others), total // 2))
     chosen = spread_rows(switches, switch_count), spread_rows(others, total - switch_count)
@@ -171,9 +171,8 @@ def choose_switch_ticks(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> 
 def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
     """Return the ticks to draw on each of two sheets, "contact_sheet" and "switches".
 
-    The first shows successive ticks in which the heading changes most, the second the ticks around
-    each switch to another part of the film or to a sprite. tracks: track_id and frame of every
-    cut-out.
+    The first shows successive ticks in which the heading turns most, the second the ticks around
+    each of some switches, see `choose_switch_ticks`.
     """
     start, count = find_liveliest_start(edit, TICKS), len(edit)
     switches = choose_switch_ticks(edit, tracks, SWITCHES)
@@ -193,8 +192,7 @@ def cut_tiles(
 ) -> list[Tile]:  # fmt: skip
     """Return a tile of the tank around the fish at each of the given ticks of an edit list.
 
-    fish: where to draw it at these ticks. painter: draws it in the tank. half_px: half the width of
-    a tile in the tank.
+    fish: where to draw it at these ticks. half_px: half the width of a tile in the tank.
     """
     names, colours = tick_categories(edit)
     tiles = []

@@ -21,8 +21,8 @@ MOMENTS = 11  # spread over the track; one more, the last, is the worst
 def choose_ticks_to_draw(requested: pd.DataFrame) -> list[int]:
     """Return at most MOMENTS ticks, spread over the track, and then that of the largest error.
 
-    requested: columns of `retarget.ASKED`, a row per tick; apart is the error, NaN where nothing is
-    requested.
+    requested: columns of `retarget.ASKED`, a row per tick. Its column apart is the error, NaN where
+    nothing is requested; without any error the last tick is left out.
     """
     spread = spread_rows(np.arange(len(requested)), MOMENTS).tolist()
     errors = requested["apart"].to_numpy(float)
@@ -36,8 +36,7 @@ def draw_backbones(
     """Return a picture (h, w, 3) of one tile per tick, with fish, requested points and backbone.
 
     The points are wide and blue, the backbone red. requested: columns of `retarget.ASKED`, a row
-    per tick. fish: where to draw it at these ticks. painter: draws it in the tank. size_px: width
-    of a tile in the tank.
+    per tick. fish: where to draw it at these ticks. size_px: width of a tile in the tank.
     """
     tiles = []
     for tick, placed in zip(ticks, fish, strict=True):

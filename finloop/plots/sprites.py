@@ -48,7 +48,7 @@ def draw_sprites(
 
 
 def _greatest_reach(sprites: pd.DataFrame, load_cutout: Callable[[int, int], Cutout]) -> int:
-    """Return how far [px] the largest cut-out reaches from its pivot, also a quarter turned.
+    """Return how far [px] a cut-out reaches from its pivot at most, lying and a quarter turned.
 
     sprites, load_cutout: as in `draw_sprites`.
     """

@@ -26,10 +26,9 @@ _WINDOW = 1.6  # body lengths, the side of a picture
 def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
     """Return the rows (3,) of the film's strongest clear turn; None if there is no clear turn.
 
-    They are at frames t0, t0 + k and t0 + 2k. k is Δ, the time in which motion is measured, or the
-    least multiple of it, up to `_MOST`, with a clear turn. Such a turn begins with straight
-    swimming, goes to one side over both k, and bends the fish most in the middle. The strongest one
-    changes the heading most.
+    They are at frames t0, t0 + k and t0 + 2k. k is the least multiple of Δ, up to `_MOST` Δ, with a
+    clear turn. Such a turn begins with straight swimming, goes to one side over both k, and bends
+    the fish most in the middle. The strongest one changes the heading most.
     """
     delta = infer_delta_frames(features)
     if delta == 0:  # no row lacks a displacement: Δ is unknown
@@ -168,21 +167,16 @@ def _draw_measures(
         *control.T, "o", ms=6, mfc="white", mec=_BACKBONE, mew=1.5, zorder=4,
         label="control points: head, 1/6, 1/3, 1/2, 5/6, tail",
     )  # fmt: skip
+    head, heading = control[0], specimen.row["heading_deg"]
     reach = 0.25 * float(specimen.row["body_length_px"])
     if turned is not None:
-        before = specimen.row["heading_deg"] - turned
-        _draw_heading(axes, control[0], before, reach, color="0.35", ls=(0, (3, 2)), lw=1.5)
-        arc = control[0] + 0.6 * reach * unit_vectors(before + np.linspace(0, turned, 40))
+        before = heading - turned
+        ahead = head + reach * unit_vectors(before)
+        draw_arrow(axes, head, ahead, color="0.35", ls=(0, (3, 2)), lw=1.5)
+        arc = head + 0.6 * reach * unit_vectors(before + np.linspace(0, turned, 40))
         axes.plot(*arc.T, color="0.35", lw=1)
-    _draw_heading(axes, control[0], specimen.row["heading_deg"], reach, color=_HEADING, lw=2.5)
+    draw_arrow(axes, head, head + reach * unit_vectors(heading), color=_HEADING, lw=2.5)
     axes.set(xlim=limits[0], ylim=limits[1])
-
-
-def _draw_heading(
-    axes: Axes, start: Floats, heading_deg: float, reach: float, **style: object
-) -> None:
-    """Draw an arrow of `reach` px from a place (x, y) in the direction of a heading."""
-    draw_arrow(axes, start, start + reach * unit_vectors(heading_deg), **style)
 
 
 def _draw_turn_over_time(

@@ -1,7 +1,6 @@
 """Build one page of all results, and compare experiments (no section of the papers).
 
-The page (`page`), its pictures (`figures`) and tables (`tables`), the comparison of experiments
-(`compare`).
+The page (`page`), its pictures (`figures`) and tables (`tables`), a comparison of runs (`compare`).
 """
 
 import lazy_loader

@@ -60,12 +60,12 @@ _AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor":
 class Comparison:
     """Experiments that are compared: two tables with one row each, and which of them are best.
 
-    Runs that differ in their seeds alone are one experiment. parameters: only those that differ.
-    measures: their numbers, means over seeds. spreads: their standard deviations over seeds, NaN
-    for a single run. objectives: those OBJECTIVES that some experiment has. best (rows,): True on
-    the Pareto front. effects: of every parameter on every measure. first_runs (rows,): name of the
-    first run of each experiment. run_parameters, run_measures: the same tables with a row per run.
-    run_seeds: a text for each run, equal for runs with the same seeds.
+    Runs that differ in their seeds alone are one experiment. parameters: those that differ between
+    experiments. measures: numbers of the experiments, means over seeds. spreads: their standard
+    deviations over seeds, NaN for a single run. objectives: those OBJECTIVES that some experiment
+    has. best (rows,): True on the Pareto front. effects: of every parameter on every measure.
+    first_runs (rows,): name of the first run of each experiment. run_parameters, run_measures: the
+    same tables with a row per run. run_seeds: of each run a text, equal for equal seeds.
     """
 
     parameters: pd.DataFrame
@@ -88,7 +88,7 @@ class Preview(NamedTuple):
 
 
 def pareto_front(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which rows of costs (n, k) are on the Pareto front, (n,); less cost is better.
+    """Return a mask (n,) of the rows of costs (n, k) on the Pareto front; less cost is better.
 
     A row is dominated if another row is nowhere greater and somewhere less. Equal rows do not
     dominate each other. A row with NaN is never on the front.
@@ -109,7 +109,7 @@ def compare_experiments(
     become one experiment. Rows are sorted by the differing parameters.
     """
     runs = _sort_runs(parameters)
-    repeats = parameters.loc[runs.index].astype(str).duplicated()  # the same seeds, too
+    repeats = parameters.loc[runs.index].astype(str).duplicated()  # equal in all, also in seeds
     seeds = _seed_texts(parameters.loc[runs.index].drop(columns=runs.columns))
     # The measures of all runs: the objectives first.
     available = numbers.columns[numbers.notna().any()]
@@ -136,7 +136,7 @@ def compare_experiments(
 
 
 def _sort_runs(parameters: pd.DataFrame) -> pd.DataFrame:
-    """Return those parameters of runs, a row each, that differ, sorted by them.
+    """Return a table of the parameters that differ between runs, a row per run, sorted by them.
 
     Seeds are left out, as runs are averaged over them, unless nothing else differs.
     """
@@ -162,15 +162,16 @@ def _is_seed(name: object) -> bool:
 def _experiment_names(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Series[str]":
     """Return the name of each run's experiment; runs that differ in their seeds alone are one.
 
-    The name is that of the experiment's first run, without its seed if there are several runs.
-    runs: parameters without seeds, a row per run. repeats: which runs have all parameters of an
-    earlier run, its seeds too; each of these is another experiment.
+    The name is that of the experiment's first run, without the ending "-seed…" if the experiment
+    has several runs. runs: parameters without seeds, a row per run. repeats: which runs equal an
+    earlier run in all parameters, also in seeds; each of these is an experiment of its own.
     """
+    run_names = pd.Series(runs.index.astype(str), runs.index)
     if runs.columns.empty:
-        return pd.Series(runs.index.astype(str), runs.index)
+        return run_names
     # Runs with the same text are one experiment.
-    experiment = runs.astype(str).agg("\t".join, axis=1).mask(repeats, runs.index.astype(str))
-    first_run = pd.Series(runs.index.astype(str), runs.index).groupby(experiment).transform("first")
+    experiment = runs.astype(str).agg("\t".join, axis=1).mask(repeats, run_names)
+    first_run = run_names.groupby(experiment).transform("first")
     run_count = experiment.groupby(experiment).transform("size")
     return first_run.where(run_count == 1, first_run.str.replace(r"-seed\d+$", "", regex=True))
 
@@ -217,9 +218,8 @@ def draw_parallel_axes(comparison: Comparison) -> go.Figure:
 def draw_parameter_effects(comparison: Comparison, parameter: str) -> go.Figure:
     """Return charts of each measure against a parameter: runs as points, means as a line.
 
-    A thin line joins the runs with the same seeds. The bars are as long as the spread over the
-    seeds, one standard deviation to each side. Measures that are the same in every run are left
-    out.
+    A thin line joins the runs with the same seeds. The bars show the spread over the seeds, one
+    standard deviation to each side. Measures that are the same in every run are left out.
     """
     effects = [
         effect
@@ -307,8 +307,8 @@ def _draw_scatter(comparison: Comparison, x: ReportMetric, y: ReportMetric) -> g
 def _draw_importance(comparison: Comparison) -> go.Figure | None:
     """Return a chart of how much each parameter matters for each measure: stacked bars, per cent.
 
-    A measure that no parameter changes beyond the seeds is left out: its bar would be of chance.
-    None if fewer than two parameters differ, or no measure is left.
+    A measure that no parameter changes beyond the seeds is left out: its bar would show chance
+    alone. None if fewer than two parameters differ, or no measure is left.
     """
     if len(comparison.parameters.columns) < 2:
         return None
@@ -349,7 +349,7 @@ class _ExperimentRow(NamedTuple):
 def _list_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_ExperimentRow]:
     """Return a row for each experiment: its parameters, then its measures with their spread.
 
-    commits: run → its commit, of which a row has the short name.
+    commits: run → its commit. A row shows 8 digits of its first run's commit, "" if unknown.
     """
     rows = []
     for number, name in enumerate(comparison.parameters.index):

@@ -43,10 +43,10 @@ class Effect(NamedTuple):
 
     values: those of the parameter, numbers first, in order, as texts. means: of the measure, one
     per value. spread: standard deviation between seeds, without what a seed changes alike for all
-    values; NaN if no two runs differ in seeds alone.
-    size: greatest difference of means, in spreads; infinite if the seeds change nothing. best:
-    which values are no worse than the best (else the greatest) by more than the seeds explain.
-    verdict: one sentence without its full stop.
+    values; NaN if no two runs differ in seeds alone. size: greatest difference of means, in
+    spreads; infinite if the seeds change nothing, NaN without a spread. best: which values are no
+    worse than the best one by more than the seeds explain; without a good direction the best one
+    has the greatest mean. verdict: one sentence without its full stop.
     """
 
     parameter: str
@@ -75,17 +75,14 @@ def good_direction(measure: str) -> str:
 def _good_direction_of_mode(name: str) -> str:
     """Return HIGHER or LOWER where that is better for a number `<mode>_<measure>`, else "".
 
-    The beginning of the measure's target in the report says it, such as "≥"; a target that begins
-    otherwise has no direction. A measure without a target may stand in `_OTHER_DIRECTIONS`, there
-    without the `trials_` of random goals.
+    The beginning of the measure's target in the report says it, such as "≥". A measure without a
+    target may stand in `_OTHER_DIRECTIONS`, there without the `trials_` of random goals.
     """
     key = name.partition("_")[2]  # after the mode
-    for measure in MEASURES:
-        if measure.key == key and measure.target:
-            for start, direction in _DIRECTION_BY_TARGET_START.items():
-                if measure.target.startswith(start):
-                    return direction
-            return ""
+    targets = {measure.key: measure.target for measure in MEASURES}
+    if target := targets.get(key):
+        directions = _DIRECTION_BY_TARGET_START.items()
+        return next((good for start, good in directions if target.startswith(start)), "")
     return _OTHER_DIRECTIONS.get(key.removeprefix("trials_"), "")
 
 
@@ -95,7 +92,10 @@ def is_category(value: object) -> bool:
 
 
 def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
-    """Return the rank of each value from 0, numbers before others, and the text of each rank."""
+    """Return the rank of each value, and the text of each rank; equal values have one rank.
+
+    Ranks begin at 0: numbers in rising order, then other values in that of their texts.
+    """
     sort_keys = [
         (1, 0.0, str(value)) if is_category(value) else (0, float(value), f"{value:g}")
         for value in column
@@ -110,8 +110,7 @@ def measure_effects(
 ) -> list[Effect]:
     """Return the effect of every parameter on every measure that some run has.
 
-    parameters, measures, seeds: a row per run, with the same index; parameters without seeds, and
-    a text that is equal for runs with the same seeds.
+    All have a row per run, with the same index. parameters: without seeds. seeds: as texts.
     """
     effects = []
     for name in measures.columns[measures.notna().any()]:
@@ -128,11 +127,12 @@ def measure_effects(
 def _remove_seed_effects(
     measure: "pd.Series[float]", cell: "pd.Series[str]", seeds: "pd.Series[str]"
 ) -> "tuple[pd.Series[float], int]":
-    """Return a measure without what a seed changes alike in every cell, and degrees of freedom.
+    """Return a measure without what a seed changes alike in every cell, and the rest's freedom.
 
-    The model is measure = cell + seed, by least squares. The measure stays as it is where the runs
-    cannot distinguish the two. measure, cell, seeds: a row per run; runs with the same cell differ
-    in their seeds alone, and those with the same text in `seeds` have the same seeds.
+    The model is measure = cell + seed, by least squares; the freedom is that of its residuals, in
+    degrees. Where the runs cannot distinguish cells from seeds, the measure is returned unchanged.
+    All have a row per run: cell and seeds are texts, equal for runs that differ in their seeds
+    alone, and for runs with the same seeds.
     """
     cell_columns = pd.get_dummies(cell, dtype=float)
     seed_columns = pd.get_dummies(seeds.loc[measure.index], dtype=float).iloc[:, 1:]
@@ -151,9 +151,7 @@ def _measure_effect(
 ) -> Effect:  # fmt: skip
     """Return the effect of a parameter on a measure, tested against that of the seeds.
 
-    raw, setting, cell, seeds: a row per run. raw: the measure. setting: value of the parameter.
-    cell: text that is equal for runs that differ in their seeds alone. seeds: text that is equal
-    for runs with the same seeds.
+    raw, setting: measure and parameter in each run. cell, seeds: as in `_remove_seed_effects`.
     """
     # The means of the parameter's values, and the spread between seeds.
     measure, freedom = _remove_seed_effects(raw, cell, seeds)
@@ -166,7 +164,7 @@ def _measure_effect(
     good = good_direction(str(raw.name))
     top = int(np.argmin(means) if good == LOWER else np.argmax(means))  # the best value
     # The size, and which values are no worse than the best by more than the seeds explain.
-    differences, size = np.abs(means - means[top]), np.nan
+    differences = np.abs(means - means[top])
     if np.ptp(means) <= near_zero:
         size, best = 0.0, np.ones(len(means), bool)
     elif not freedom or spread <= near_zero:  # no seeds to compare with, or they change nothing
@@ -189,7 +187,7 @@ def _describe_effect(effect: Effect, good: str, number_count: int) -> str:
     """Return the verdict on an effect, such as "best from 0.5 on" or "rises from 1 to 3".
 
     good: HIGHER or LOWER where that is better, else "". number_count: how many of the parameter's
-    values are numbers; these come first.
+    values are numbers; these come first and rise.
     """
     if effect.best.all():
         return NO_EFFECT
@@ -208,7 +206,8 @@ def _describe_effect(effect: Effect, good: str, number_count: int) -> str:
 def _describe_values(values: Sequence[str], chosen: Flags, number_count: int) -> str:
     """Return which values are chosen: "at 0.2", "between 0.2 and 0.5", "at 0.2, 1 and auto".
 
-    number_count: how many values are numbers; these come first, and are rising.
+    chosen: a mask of the values, of which at least one is chosen. number_count: how many values are
+    numbers; these come first and rise.
     """
     indices = np.flatnonzero(chosen)
     numbers = indices[indices < number_count]
@@ -232,9 +231,8 @@ def rank_importance(parameters: pd.DataFrame, measures: pd.DataFrame) -> pd.Data
     """Return how much each parameter matters for each measure, as shares 0 … 1 that add up to 1.
 
     A random forest predicts the measure; the share is how much worse it predicts if the parameter's
-    values are permuted. parameters, measures: a row per run, with the same index. A row of the
-    result is a measure, a column a parameter. Measures that no parameter predicts, or that do not
-    vary, are left out.
+    values are permuted. parameters, measures: a row per run, with the same index. The result has a
+    row per measure, a column per parameter, and no measure that nothing predicts.
     """
     from sklearn.ensemble import RandomForestRegressor  # not at the top: the import takes a second
     from sklearn.inspection import permutation_importance

@@ -36,7 +36,7 @@ def data_uri(kind: str, content: bytes) -> str:
 
 
 def encode_webp(picture: Picture, max_width_px: int, quality: int) -> WebP:
-    """Return a picture (h, w) or (h, w, 3) RGB as a WebP data URI, reduced to a greatest width.
+    """Return a picture (h, w) or (h, w, 3) RGB as a WebP data URI; a wider one is reduced.
 
     quality: that of WebP, 0 … 100.
     """

@@ -94,7 +94,7 @@ def study_page(films: Sequence[FilmResult], common: Sequence[str]) -> str:
 
 
 def _make_thumbnail(picture: bytes) -> bytes:
-    """Reduce a picture, the content of a PNG or JPEG file, to a thumbnail; return it as JPEG."""
+    """Return a thumbnail of a picture as JPEG; picture: content of a PNG or JPEG file."""
     whole = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
     assert whole is not None, "not a picture"
     height = max(1, round(whole.shape[0] * THUMBNAIL_WIDTH_PX / whole.shape[1]))

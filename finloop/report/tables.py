@@ -14,8 +14,7 @@ MODES = {**{name: facts.title for name, facts in ALL_MODES.items()}, "film": "Fi
 class Measure(NamedTuple):
     """A measure that the report shows: its row in data/animate/beside/measures.csv, and its texts.
 
-    words: the name on the page. unit: "" for a plain number. target: the good values as text, ""
-    where there is none.
+    words: the name on the page. unit: "" for a plain number. target: the good values, "" for none.
     """
 
     key: str
@@ -99,7 +98,7 @@ def measures_table(measures: pd.DataFrame) -> Table:
     measures: content of `data/animate/beside/measures.csv`.
     """
     measures = measures.set_index("measure")
-    for key in ("speed", "turn_rate"):  # the film gets the distance between its halves
+    for key in ("speed", "turn_rate"):  # in the film's column stands the distance of its halves
         halves, distance = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
         if halves in measures.index and distance in measures.index:
             measures.loc[distance, "film"] = measures.loc[halves, "film"]

@@ -24,8 +24,7 @@ from stages.animation import write_animation
 def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnimator:
     """Return the animator of mode `matching`, with the results of earlier stages.
 
-    sprite_rows (s,): the film's row of each sprite; a fish that another mode shows as a sprite
-    continues there.
+    sprite_rows (s,): the film's row of each sprite, at which a fish shown as that sprite continues.
     """
     common, matching = project.settings("animate"), project.settings("matching")
     data = MatchingData(

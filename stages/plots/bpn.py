@@ -15,10 +15,7 @@ REPORT = Path("reports/motion/bpn")
 
 
 def main() -> None:
-    """Draw the network's errors per epoch (Fig. 15), and predictions beside the truth.
-
-    The files are fig15.png and held_out.png in reports/motion/bpn/.
-    """
+    """Draw the network's errors per epoch (Fig. 15), and predictions beside the truth."""
     held_out = load_table(Path("data/bpn/held_out.parquet"), HELD_OUT).to_numpy()
     save_figure(REPORT / "fig15.png", figure15(pd.read_csv("reports/bpn/curve.csv")))
     predicted_figure = draw_held_out_predictions(held_out[:, :2], held_out[:, 2:])

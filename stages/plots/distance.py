@@ -18,10 +18,7 @@ from stages.settings import load_settings
 
 
 def main() -> None:
-    """Draw how unlike every two frames of the longest tracks are (Fig. 9).
-
-    The file is reports/motion/distance/fig9.png: the whole map, and the part that is compared.
-    """
+    """Draw how unlike all frames of the longest tracks are, and which are compared (Fig. 9)."""
     p: DistanceSettings = load_settings("distance")
     with Project() as project:
         facts, features = project.map_facts, project.features

@@ -56,10 +56,7 @@ class ExtractedFilm(NamedTuple):
 
 
 def main() -> None:
-    """Draw the fish found in some frames, and their thinning (Figs. 3 and 4).
-
-    The files are detections.png and fig3_4.png in reports/film/extract/.
-    """
+    """Draw the fish found in some frames, and how two fish are thinned (Figs. 3 and 4)."""
     settings: ExtractSettings = load_settings("extract")
     films = [
         load_extracted_film(name, home)
@@ -96,7 +93,7 @@ def load_extracted_film(name: str, home: Path) -> ExtractedFilm:
 
 
 def _thin_films(films: list[ExtractedFilm], settings: ExtractSettings) -> Iterator[ThinnedFish]:
-    """Yield the fish of THINNED frames spread over the films, each thinned to lines 1 px wide."""
+    """Yield the fish of about THINNED frames spread over the films, thinned to lines 1 px wide."""
     count = max(1, THINNED // len(films))
     for film in films:
         for label, frame in film.read_frames(count):

@@ -33,8 +33,7 @@ def main() -> None:
         if shown := _draw_fault(word, film, homes[film], settings):
             name = f"{film and film + '_'}{word}.png"
             save_picture(FINDINGS / name, shown.picture)
-            row = {"film": film, "what": word, "picture": name, "caption": shown.caption}
-            rows.append(row)
+            rows.append({"film": film, "what": word, "picture": name, "caption": shown.caption})
     if rows:
         save_csv(FINDINGS / "pictures.csv", pd.DataFrame(rows), decimals=0)
 

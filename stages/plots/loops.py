@@ -27,10 +27,7 @@ BEST = 6  # loops drawn, and as many of the worst
 
 
 def main() -> None:
-    """Draw the loops over time and tank, the best and worst, and Figs. 10, 11 and 13.
-
-    The files are NAMES and fig13, as .png, in reports/motion/loops/.
-    """
+    """Draw the loops over time and tank, the best and the worst, and Figs. 10, 11 and 13."""
     p: LoopsSettings = load_settings("loops")
     with Project() as project:
         if project.loops.empty:

@@ -20,8 +20,7 @@ REPORT = Path("reports/modes/render")
 def main() -> None:
     """Draw the path of every mode and, for `render.mode`, sheets of the first fish's pictures.
 
-    A sheet shows regular moments, or where the animation changes to other film; the files are in
-    reports/modes/render/.
+    A sheet shows successive ticks, or where the animation changes to other film, a tile per tick.
     """
     p: RenderSettings = load_settings("render")
     with Project() as project:

@@ -12,10 +12,7 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw every step of each sequence of sprites, and one sprite in all orientations.
-
-    The file is reports/motion/sprites/contact_sheet.png.
-    """
+    """Draw every step of each sequence of sprites, and one sprite in all orientations."""
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
         count = count_orientations(sprites)
