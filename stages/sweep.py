@@ -237,7 +237,7 @@ class RunMaker(ExitStack):
                 advance()
                 return not cause
 
-            # A stage that all runs need and none has run: one run at a time until one succeeds.
+            # Stages that runs have in common are to be made: one run at a time until one succeeds.
             while self.shared and (name := next(waiting, "")):
                 self.shared = not make_run(name, THREADS)
             with ThreadPoolExecutor(len(self._clones)) as threads:
@@ -280,21 +280,21 @@ class RunMaker(ExitStack):
         return todo, failures
 
     def _open_clones(self, count: int) -> None:
-        """Make clones until there are `count`; find out whether the first run must go alone.
+        """Make clones until there are `count`.
 
-        It need not if the stages that all runs share are up to date.
+        Before the first one, find out whether the stages that runs have in common are to be made.
         """
         root = Path.cwd()
         (root / APART).mkdir(exist_ok=True)
         if not self._clones:
-            _, self._cache = run_dvc("cache", "dir", folder=root)
+            self._cache = run_dvc("cache", "dir", folder=root)[1].strip()
             if self.shared:
                 self.shared = "up to date" not in run_dvc("status", *self.stages, folder=root)[1]
             apart = TemporaryDirectory(dir=root / APART, prefix=PREFIX)
             self._folder = Path(self.enter_context(apart))
         for number in range(len(self._clones), count):
             self._clones.append(self._folder / str(number))
-            _clone(root, self._clones[-1], self._cache.strip())
+            _clone(root, self._clones[-1], self._cache)
 
 
 def plan_sweep(

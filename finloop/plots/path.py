@@ -23,7 +23,7 @@ def draw_path(paths: pd.DataFrame, departures: pd.DataFrame, background: Picture
     modes = dict(iter(paths.groupby("mode", sort=False)))
     timed = bool(paths["late"].notna().any())
     figure = Figure(figsize=(15, max(5.0, 7.5 * height / width)), layout="constrained")
-    # The tank, with the requested path as far as the mode that got farthest.
+    # The tank, with the requested path up to where the mode that got farthest is at the end.
     grid = GridSpec(len(modes), 2, figure, width_ratios=[1.1, 1])
     tank = figure.add_subplot(grid[:, 0])
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)

@@ -78,8 +78,8 @@ def figure5(
 ) -> Figure:
     """Draw Fig. 5 of the fish paper: the fish at three rows of a turn, and the turn over time.
 
-    features: the feature table. rows (3,): frames t0, t0 + k, t0 + 2k. fish: at each of these rows
-    the fish with its measures. background: the empty tank.
+    rows (3,): at frames t0, t0 + k, t0 + 2k. fish: at each of these rows the fish with its
+    measures. background: the empty tank.
     """
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=(8.4, 2.8)))
@@ -88,26 +88,24 @@ def figure5(
     panels = upper.subplots(2, len(rows))
     side = round(_WINDOW * max(float(specimen.row["body_length_px"]) for specimen in fish))
     delta, k = infer_delta_frames(features), int(rows[1] - rows[0])
-    angles = heading_change_deg(features, rows[:-1], k, delta)
-    times = ["t0", "t0 + k", "t0 + 2k"]
-    for number, (specimen, letter) in enumerate(zip(fish, "abc", strict=True)):
+    turned_deg = [None, *heading_change_deg(features, rows[:-1], k, delta).tolist()]
+    times = "(a)  t0", "(b)  t0 + k", "(c)  t0 + 2k"
+    for number, (specimen, turned) in enumerate(zip(fish, turned_deg, strict=True)):
+        filmed, measured = panels[:, number]
         film, corner = _crop_around_fish(specimen, background, side)
-        for axes in panels[:, number]:
+        for axes in (filmed, measured):
             axes.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
             axes.axis("off")
-        panels[0, number].set_title(
-            f"({letter})  {times[number]}: frame {specimen.row['frame']:.0f}"
-        )
-        turned = float(angles[number - 1]) if number else None
-        _draw_measures(panels[1, number], specimen, corner, turned)
-        panels[1, number].set_title(_describe_measures(specimen, number, turned), fontsize=11)
+        filmed.set_title(f"{times[number]}: frame {specimen.row['frame']:.0f}")
+        _draw_measures(measured, specimen, corner, turned)
+        measured.set_title(_describe_measures(specimen, number, turned), fontsize=11)
     # The texts, and the turn over time.
     in_deltas = "Δ" if k == delta else f"{k // delta}Δ"
     frames = f"k = {in_deltas} = {k} frame{'s' if k > 1 else ''}"
     # The film begins at frame 0 and 0 s, so this quotient is the seconds from frame to frame.
     track, frame_s = fish[0].row["track_id"], fish[-1].row["time_s"] / fish[-1].row["frame"]
     handles = [
-        *panels[1, 0].get_legend_handles_labels()[0],
+        *panels[1, 0].get_legend_handles_labels()[0],  # what `_draw_measures` has drawn
         Line2D([], [], color=_HEADING, lw=2.5, label="heading"),
         Line2D([], [], color="0.35", lw=1.5, ls=(0, (3, 2)), label="heading k before"),
     ]
