@@ -120,7 +120,7 @@ def imported_files(file: str) -> set[str]:
 
 
 def _files_of_members(names: set[str]) -> set[str]:
-    """Return the program's files that members of `Project` import, and those that they use in turn.
+    """Return the program's files that members of `Project`, and the members that they use, import.
 
     names: of the members; other names are ignored.
     """

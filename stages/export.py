@@ -3,9 +3,11 @@
 from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 from dataclasses import replace
+from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -57,44 +59,51 @@ def _save_films(
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
     # Pictures of each sequence, and the half side [px] of a square canvas that holds them all.
     cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in SEQUENCES}
-    films: dict[str, Any] = {}
+    films: dict[str, dict[str, int]] = {}
     pictures_to_come = edit["tick"].nunique() + sum(len(steps) for steps, _ in cycles.values())
     with report_progress("export", pictures_to_come) as advance:
-
-        def write_film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
-            """Write name.webm from all pictures, and name.webp from the first `webp_ticks` of them.
-
-            There is no name.webp if `webp_ticks` is 0. crop: the part of the tank that the pictures
-            show. Their number and size are noted in `films`.
-            """
-            path, shape = folder / name, (crop.bottom - crop.top, crop.right - crop.left, 4)
-            webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)
-            webp = AlphaWebpWriter(path.with_suffix(".webp"), shape, rate, p.webp_quality)
-            with webm, webp if webp_ticks else nullcontext():
-                for number, picture in enumerate(pictures):
-                    webm.write(picture)
-                    if number < webp_ticks:
-                        webp.write(picture)
-                    advance()
-            films[name] = {"frames": webm.frames, "width_px": shape[1], "height_px": shape[0]}
-
+        write_film = partial(_write_film, p=p, rate=rate, advance=advance)
         tank = FishOnlyPainter(facts.height_px, facts.width_px, channels)
         crop = box_of_all_fish(place_ticks(edit, gallery), tank)
         pictures = cut_out_fish(place_ticks(edit, gallery), tank, crop)
-        write_film(p.mode, pictures, crop, round(p.webp_seconds * rate))
-        films[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
+        facts_of_film = write_film(folder / p.mode, pictures, crop, round(p.webp_seconds * rate))
+        place = {"left_px": crop.left, "top_px": crop.top}
+        films[p.mode] = facts_of_film | place | {"loops": False}
         for word, (steps, half) in cycles.items():  # the mass centre is at (half, half)
             canvas = FishOnlyPainter(2 * half + 1, 2 * half + 1, channels)
             crop = box_of_all_fish(steps, canvas)
-            write_film(word, cut_out_fish(steps, canvas, crop), crop, len(steps))
-            films[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
-            films[word] |= {"loops": word not in SIDES}  # a turn ends in another heading
+            pictures = cut_out_fish(steps, canvas, crop)
+            facts_of_film = write_film(folder / word, pictures, crop, len(steps))
+            place = {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
+            is_loop = word not in SIDES  # a turn ends in another heading
+            films[word] = facts_of_film | place | {"loops": is_loop}
     return {
         "frame_rate_hz": round(float(rate), 4),
         "mm_per_px": facts.mm_per_px,
         "tank": {"width_px": facts.width_px, "height_px": facts.height_px},
         "films": films,
     }
+
+
+def _write_film(
+    path: Path, pictures: Iterable[Picture], crop: Box, webp_ticks: int, p: ExportSettings,
+    rate: Fraction, advance: Callable[[], None],
+) -> dict[str, int]:  # fmt: skip
+    """Write pictures as a WebM, and the first `webp_ticks` of them as a WebP; return their facts.
+
+    path: of both files, without suffix. There is no WebP if `webp_ticks` is 0. crop: the part of
+    the tank that the pictures show. rate: frames per second. The facts are number and size.
+    """
+    shape = crop.bottom - crop.top, crop.right - crop.left, 4
+    webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)
+    webp = AlphaWebpWriter(path.with_suffix(".webp"), shape, rate, p.webp_quality)
+    with webm, webp if webp_ticks else nullcontext():
+        for number, picture in enumerate(pictures):
+            webm.write(picture)
+            if number < webp_ticks:
+                webp.write(picture)
+            advance()
+    return {"frames": webm.frames, "width_px": shape[1], "height_px": shape[0]}
 
 
 def _save_page(
