@@ -67,8 +67,7 @@ def settings_of_films(p: FootageSettings) -> list[FootageSettings]:
 def drop_repeated_films(films: list[FootageSettings]) -> list[FootageSettings]:
     """Return the films without repeats, with a printed warning for each.
 
-    films: parameters of each film. A repeat names the same file as an earlier film, perhaps by a
-    link, and has the same parameters.
+    films: parameters of each film. A repeat has the file and the parameters of an earlier film.
     """
     first_by_file = dict[FootageSettings, FootageSettings]()
     for film in films:

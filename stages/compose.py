@@ -60,8 +60,7 @@ def write_params(overrides: list[str]) -> None:
 def quoting_error(overrides: list[str]) -> FinloopError | None:
     """Return an error that shows how to quote the overrides; None if each is one `key=value`.
 
-    overrides: as the shell has split them. `_is_override` raises FinloopError if one has several
-    values or an unknown group.
+    overrides: as the shell has split them. FinloopError as in `_is_override`.
     """
     wrong = [text for text in overrides if not _is_override(text)]
     if not wrong:

@@ -133,8 +133,7 @@ def _extract_film(
 def describe_given_places(numbers: Mapping[str, float]) -> Iterator[str]:
     """Yield sentences on how much of another program's file of tracks is used, and why not more.
 
-    numbers: counts of the file's places and animals, as in `Extraction.given`; without such a file
-    there are none, and no sentence.
+    numbers: counts of its places and animals, as in `Extraction.given`; empty without such a file.
     """
     if not numbers:
         return

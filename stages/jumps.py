@@ -70,8 +70,7 @@ class StoredFilm:
 def main() -> None:
     """Find jumps between rows of the film that look and move alike, also mirrored.
 
-    data/jumps/ gets the jumps, the rows' pictures and looks (numbers for light and skin),
-    reports/jumps/ the metrics.
+    data/jumps/ gets the jumps and the rows' pictures and looks (numbers for light and skin).
     """
     p: JumpsSettings = load_settings("jumps")
     with (

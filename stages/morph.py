@@ -66,8 +66,7 @@ def _connection_tables() -> pd.DataFrame:
 def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors.
 
-    The largest rise of the hoop's energy, which should only fall, is returned, too, as a share of
-    the energy in the beginning.
+    The result also has the largest rise of the hoop's energy, which should only fall, as a share.
     """
     hoop, massless = _bent_hoops(p)
     exact = solve_motion(hoop)

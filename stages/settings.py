@@ -69,8 +69,7 @@ def _require_present_conf(values: Mapping[str, Any]) -> None:
 def conf_stamp(conf: Path) -> str:
     """Return the stamp of a folder conf/: a digest of its files, then "-" and one of conf/local/.
 
-    Without a conf/local/ the stamp ends before the "-". conf/experiment/, which sets no value, does
-    not count.
+    Without a conf/local/ the stamp ends before the "-". conf/experiment/ does not count.
     """
     local = LOCAL.relative_to(CONF).as_posix()
     files = {path.relative_to(conf).as_posix(): path for path in conf.rglob("*.yaml")}

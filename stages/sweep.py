@@ -204,8 +204,7 @@ class RunMaker(ExitStack):
     def make(self, runs: Mapping[str, list[str]]) -> dict[str, str]:
         """Make runs, name → overrides; return the failed ones, name → cause.
 
-        A line is printed when a run ends. An existing experiment with the present code and the same
-        parameters is not run again.
+        A line is printed when a run ends. An experiment with the same code and parameters is kept.
         """
         todo, failures = self._choose_runs_to_make(runs)
         if not todo:

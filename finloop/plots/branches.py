@@ -36,8 +36,7 @@ _MARGIN = 6  # px of tank around a fish
 class SkeletonBranch(NamedTuple):
     """A branch of a skeleton: its m pixels, and their numbers from the start of the skeleton.
 
-    path (m, 2): x, y px, from the joint with an earlier branch to the end. numbers (m,): rising by
-    1, the first is the joint's.
+    path (m, 2): x, y px, from the joint with an earlier branch to the end. numbers (m,): rise by 1.
     """
 
     path: Ints
@@ -52,8 +51,7 @@ class ThinnedFish(NamedTuple):
     w): `whole` thinned. half_width (h, w): px to the edge of `whole`. branches: of the skeleton, by
     the paper's rule, its backbone first. kept (m, 2): x, y of the skeleton's path with the greatest
     sum of length × width. backbone (n, 2): x, y, as finloop traces it in the silhouette; None if
-    the silhouette has none. body_ends: ends of the silhouette thinned alone, 2 without side
-    branches.
+    the silhouette has none. body_ends: ends of the thinned silhouette, 2 without side branches.
     """
 
     label: str
@@ -92,8 +90,7 @@ def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
     """Return the number of each pixel of a skeleton, (h, w), counted from a start, as in Fig. 4.
 
     The start (x, y) has 0, any other pixel one more than its lowest neighbour. So at a joint all
-    branches continue with the same number. Pixels outside the skeleton, or not connected with the
-    start, have −1.
+    branches continue with the same number. Pixels that no path joins to the start have −1.
     """
     # A path costs 1 for each of its pixels; −1 means that no path leads through a pixel.
     paths = skimage.graph.MCP(np.where(skeleton, 1.0, -1.0))

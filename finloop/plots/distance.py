@@ -27,8 +27,7 @@ def figure9(
     """Draw Fig. 9 of the fish paper: distances of all pairs of frames (a), of compared pairs (b).
 
     distance (n, n): Euclidean distances (Eq. 5). compared (n, n): the pairs that Eq. 6 compares,
-    those of like motion. track (n,): the track of each frame. natural_step: the median distance
-    between one picture and the next.
+    those of like motion. track (n,): the track of each frame.
     """
     figure = Figure(figsize=(13, 6.8), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)

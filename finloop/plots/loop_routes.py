@@ -207,8 +207,7 @@ def _draw_fish_at_ends(
 def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> None:
     """Draw a route over the frames: solid lines are played, each jump leads one level down.
 
-    ends: rows of A … H. frame (n,): the frame of each row. A jump is a dotted line down, along and
-    down again, to an arrow head.
+    ends: rows of A … H. frame (n,): the frame of each row. A jump is a dotted line with a head.
     """
     # The lines; `level` counts the jumps so far.
     level = 0

@@ -25,14 +25,12 @@ def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     table: columns compared, channel, auc, low, high (ends of the 95 % interval); roc: columns
     compared, false_alarms, hits. compared: a mode, or parts of the film.
     """
-    names = list(dict.fromkeys(table["compared"]))
-    modes = [name for name in names if name not in _GREY]
+    by_comparison = table.groupby("compared", sort=False)
+    areas = {str(name): rows.set_index("channel") for name, rows in by_comparison}
+    modes = [name for name in areas if name not in _GREY]
     colours = dict(zip(modes, COLOURS, strict=False)) | _GREY
     figure = Figure(figsize=(12, 4.6), layout="constrained")
     curves, bars = figure.subplots(1, 2, width_ratios=(1, 1.6))
-    areas = {  # by channel
-        name: table[table["compared"] == name].set_index("channel") for name in names
-    }
     _draw_roc_curves(curves, areas, roc, colours)
     _draw_area_bars(bars, areas, colours)
     return figure

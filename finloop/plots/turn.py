@@ -150,8 +150,7 @@ def _draw_measures(
 ) -> None:
     """Draw the motion area, the backbone and the heading over a picture of the fish.
 
-    corner: x, y of the picture's upper left pixel in the tank. turned: degrees since the previous
-    picture, None for the first.
+    corner: x, y of the picture's upper left pixel in the tank. turned: as in `_describe_measures`.
     """
     axes.images[0].set_alpha(0.55)
     limits = axes.get_xlim(), axes.get_ylim()

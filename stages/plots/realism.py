@@ -20,8 +20,7 @@ STRIP = 10, 130  # pictures, px
 def main() -> None:
     """Draw how distinguishable animation is from film, and the most obviously false windows.
 
-    The files are auc.png (ROC curves) and contact_sheet.png in reports/modes/realism/. A window is
-    a short stretch of swimming.
+    A window is a short stretch of swimming.
     """
     auc, roc = (pd.read_csv(OUT / name) for name in ("auc.csv", "roc.csv"))
     save_figure(REPORT / "auc.png", draw_roc(auc, roc))
