@@ -35,7 +35,7 @@ def main() -> None:
     rate_hz, table = project.rate_hz, project.features
     rows = pair_rows_with_later(table, infer_delta_frames(table))
     train, held_out = split_rows_if_possible(rows, p)  # masks (n,)
-    splits = masks = [(train, held_out)]
+    splits = learnt_splits = [(train, held_out)]
     if not held_out.any():
         print(f"bpn: so short a film trains the network with all {len(rows.inputs)} rows; none is "
               "held out, so its error on other film is unknown", file=sys.stderr)  # fmt: skip
@@ -44,9 +44,9 @@ def main() -> None:
         other = split_rows(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p)
         splits = [*splits, other]
         # The learning curve of the other network is not kept, so it needs no held-out rows.
-        masks = [*masks, (other[0], np.zeros_like(other[0]))]
+        learnt_splits = [*splits[:1], (other[0], np.zeros_like(other[0]))]
     with report_progress("bpn", p.epochs * len(splits), "epochs") as advance:
-        trained = [train_on_film_rows(rows, split, p, rate_hz, advance) for split in masks]
+        trained = [train_on_film_rows(rows, split, p, rate_hz, advance) for split in learnt_splits]
     metrics, *other_metrics = (
         assess_model(model, rows, *split) for (model, _), split in zip(trained, splits, strict=True)
     )

@@ -83,7 +83,7 @@ def draw_rose(features: pd.DataFrame) -> Figure:
     for swimming_type, (name, colour) in TYPES.items():
         orientations = features.loc[features["swimming_type"] == swimming_type, "orientation"]
         share = 100 * np.bincount(orientations - 1, minlength=count) / len(features)
-        width = 0.9 * angle[1]  # of a sector
+        width = 0.9 * angle[1]  # a sector is as wide as angle[1], for orientation 1 is at 0
         axes.bar(angle, share, width=width, bottom=base, color=colour, label=name)
         base += share
     step = -(-count // 12)  # at most 12 orientations are numbered

@@ -186,6 +186,7 @@ def _crop_around(frame: Picture, box: Box, outlines: Sequence[Edge] = ()) -> Pic
     how = cv2.INTER_NEAREST if scale > 1 else cv2.INTER_AREA
     part = convert_to_colour(frame[y : y + part_height, x : x + part_width])
     picture = np.asarray(cv2.resize(part, None, fx=scale, fy=scale, interpolation=how))
+    # The centres of pixels, at whole numbers in both pictures, move by half a pixel more.
     lines = [
         np.rint((outline + 0.5 - (x, y)) * scale - 0.5).astype(np.int32) for outline in outlines
     ]

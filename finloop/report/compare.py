@@ -110,6 +110,7 @@ def compare_experiments(
     """
     runs = _sort_runs(parameters)
     repeats = parameters.loc[runs.index].astype(str).duplicated()  # equal in all, also in seeds
+    # A seed among the compared parameters is no seed of a repetition.
     seeds = _seed_texts(parameters.loc[runs.index].drop(columns=runs.columns))
     # The measures of all runs: the objectives first.
     available = numbers.columns[numbers.notna().any()]
@@ -126,7 +127,7 @@ def compare_experiments(
         rows = runs.groupby(names, sort=False).first()
         effects = measure_effects(runs[~repeats], values[~repeats], seeds[~repeats])
     cost_sign = np.array([-1.0 if objective.rises else 1.0 for objective in objectives])
-    best = pareto_front(means[keys].to_numpy() * cost_sign) & bool(objectives)
+    best = pareto_front(means[keys].to_numpy() * cost_sign) & bool(objectives)  # else none is best
     first_runs = names.index[~names.duplicated()].astype(str).tolist()
     return Comparison(
         parameters=rows, measures=means, spreads=spreads, objectives=objectives, best=best,
