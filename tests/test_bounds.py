@@ -38,7 +38,7 @@ def shown_inside(arena, hull, place, mirrored=False):
 def test_what_fits_has_every_pixel_inside_and_what_is_well_inside_fits(mirrored):
     water, bounds, bodies = pool()
     rng, counts = np.random.default_rng(0), {True: 0, False: 0}
-    for _ in range(3000):
+    for _ in range(1500):
         picture = int(rng.integers(2))
         place = rng.uniform(20, 300), rng.uniform(10, 230), rng.uniform(-180, 180)
         free = fits_in_tank(bounds, picture + 2 * mirrored, *place)
@@ -47,7 +47,7 @@ def test_what_fits_has_every_pixel_inside_and_what_is_well_inside_fits(mirrored)
             assert shown_inside(water.arena, bodies[picture], place, mirrored)
         elif is_legal_point(water.arena, *place[:2]):
             assert not shown_inside(water.depth_px > 10, bodies[picture], place, mirrored)
-    assert min(counts.values()) > 500
+    assert min(counts.values()) > 250
 
 
 def test_every_picture_fits_where_the_tank_is_roomy():

@@ -1151,10 +1151,10 @@ def test_drawn_carp_with_truth(run_stage):
 def test_the_truth_of_two_carp_is_sorted_by_frame(run_stage, monkeypatch):
     """It is written by a few rows at a time."""
     monkeypatch.setattr("finloop.clip.write._ROWS", 3)
-    run_stage("carp", frames=4, fish=2, width_px=400, height_px=240, body_length_px=60.0)
+    run_stage("carp", frames=5, fish=2, width_px=400, height_px=240, body_length_px=60.0)
     truth = load_table(stage.CLIP / "truth.parquet", TRUTH)
-    assert truth["fish_id"].tolist() == [0, 1] * 4
-    assert truth["frame"].tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert truth["fish_id"].tolist() == [0, 1] * 5
+    assert truth["frame"].tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
 
 
 def test_too_many_carp_are_refused(run_stage):

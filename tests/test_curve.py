@@ -65,15 +65,11 @@ def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
         return
     turn = scale * np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     moved = Curve(curve.points @ turn + (3, -7), closed)
-    assert signed_area(moved) == pytest.approx(
-        scale**2 * signed_area(curve), abs=1e-9 * length(moved) ** 2
-    )
-    assert signed_area(Curve(curve.points[::-1], closed)) == pytest.approx(
-        -signed_area(curve), abs=1e-9
-    )
-    assert np.allclose(
-        resample_curve(moved, 16).points, resample_curve(curve, 16).points @ turn + (3, -7)
-    )
+    area = signed_area(curve)
+    assert signed_area(moved) == pytest.approx(scale**2 * area, abs=1e-9 * length(moved) ** 2)
+    assert signed_area(Curve(curve.points[::-1], closed)) == pytest.approx(-area, abs=1e-9)
+    even = resample_curve(curve, 16).points
+    assert np.allclose(resample_curve(moved, 16).points, even @ turn + (3, -7))
     if closed:
         other = Curve(np.roll(curve.points, -start, axis=0), True)
         assert signed_area(other) == pytest.approx(signed_area(curve), abs=1e-9)

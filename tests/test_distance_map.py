@@ -121,10 +121,8 @@ def test_bands_are_exactly_what_eqs_7_and_8_let_through(seed):
     pictures = random_pictures(rng, len(kind), 4)
     true = brute(pictures)
     rows = sort_by_kind_and_area(kind, area)
-    found = find_similar_pairs(
-        subtract_mean_picture(pictures[rows]), kind[rows], area[rows], threshold
-    )
-    table = pair_table(found, rows)
+    centred = subtract_mean_picture(pictures[rows])
+    table = pair_table(find_similar_pairs(centred, kind[rows], area[rows], threshold), rows)
     gap = np.abs(area.astype(float)[:, None] - area.astype(float))
     wanted = np.triu((kind[:, None] == kind) & (gap <= threshold), 1)
     assert (np.triu(find_comparable_pairs(kind, area, threshold), 1) == wanted).all()
@@ -148,14 +146,10 @@ def test_what_is_skipped_is_not_computed():
 
 def table_of(types, orientations, tracks=None) -> pd.DataFrame:
     count = len(types)
-    return pd.DataFrame(
-        {
-            "track_id": np.zeros(count, int) if tracks is None else tracks,
-            "frame": np.arange(count),
-            "swimming_type": np.array(types, np.int8),
-            "orientation": np.array(orientations, np.int8),
-        }
-    )
+    return pd.DataFrame({
+        "track_id": np.zeros(count, int) if tracks is None else tracks, "frame": np.arange(count),
+        "swimming_type": np.array(types, np.int8), "orientation": np.array(orientations, np.int8),
+    })  # fmt: skip
 
 
 def test_orientation_counts_only_as_filmed():
@@ -179,9 +173,8 @@ def test_a_step_leads_so_many_frames_on_in_its_track_and_over_no_gap(frames, lat
     features["frame"] = [0, 1, 2, 3, 0, 2, 3]
     pictures = random_pictures(np.random.default_rng(7), 7)
     rows = np.array([4, 0, 5, 2, 3, 1, 6])
-    table = natural_step_table(
-        features, subtract_mean_picture(pictures[rows]), np.argsort(rows), frames
-    )
+    centred = subtract_mean_picture(pictures[rows])
+    table = natural_step_table(features, centred, np.argsort(rows), frames)
     expected = np.where(later, brute(pictures)[np.arange(7), later], np.nan)
     assert table["step"].to_numpy() == pytest.approx(expected, abs=EXACT, nan_ok=True)
     assert measure_usual_steps(table)[0] == pytest.approx(np.nanmedian(expected), abs=EXACT)

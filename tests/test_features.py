@@ -134,11 +134,8 @@ def shuffle_ends(lines, width, rng):
     """Each backbone with either end first; also which of them are head first."""
     first = rng.random(len(lines)) < 0.5
     width = np.broadcast_to(width, lines.shape[:2])
-    return (
-        np.where(first[:, None, None], lines, lines[:, ::-1]),
-        np.where(first[:, None], width, width[:, ::-1]),
-        first,
-    )
+    lines = np.where(first[:, None, None], lines, lines[:, ::-1])
+    return lines, np.where(first[:, None], width, width[:, ::-1]), first
 
 
 # -- angles -----------------------------------------------------------------------------------------
@@ -610,16 +607,12 @@ def test_the_same_film_seen_otherwise(view):
 
 def toy_table():
     """Two tracks of a few frames: orientations 1 and 7, all types."""
-    return pd.DataFrame(
-        {
-            "track_id": [0, 0, 0, 0, 1, 1, 1, 1, 1, 1],
-            "frame": [0, 1, 2, 3, 0, 1, 2, 3, 4, 5],
-            "orientation": np.int8([1, 1, 1, 1, 1, 7, 7, 7, 7, 7]),
-            "orientations": ORIENTATIONS,
-            "swimming_type": np.int8([0, 0, 1, 1, -1, 0, 0, 0, -1, -1]),
-            "motion_area": [0.01, 0.02, 0.04, 0.08, 0.05, 0.01, 0.01, 0.01, 0.1, 0.02],
-        }
-    )
+    return pd.DataFrame({
+        "track_id": [0, 0, 0, 0, 1, 1, 1, 1, 1, 1], "frame": [0, 1, 2, 3, 0, 1, 2, 3, 4, 5],
+        "orientation": np.int8([1, 1, 1, 1, 1, 7, 7, 7, 7, 7]), "orientations": ORIENTATIONS,
+        "swimming_type": np.int8([0, 0, 1, 1, -1, 0, 0, 0, -1, -1]),
+        "motion_area": [0.01, 0.02, 0.04, 0.08, 0.05, 0.01, 0.01, 0.01, 0.1, 0.02],
+    })  # fmt: skip
 
 
 def test_table_1_by_hand():

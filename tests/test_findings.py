@@ -36,8 +36,8 @@ SIZE = {"width_px": 320, "height_px": 240, "body_length_px": 60.0}
 
 @pytest.fixture(scope="module")
 def carp() -> list[np.ndarray]:
-    """Three seconds of a carp."""
-    return carp_frames(75, **SIZE)
+    """Two seconds of a carp."""
+    return carp_frames(50, **SIZE)
 
 
 def faults(folder: Path, frames: list[np.ndarray], rate: float = 25, crf: int = 0) -> set[str]:
@@ -73,7 +73,7 @@ def test_a_good_film_has_no_fault(tmp_path, carp):
 
 
 def test_a_film_of_a_tenth_of_the_rate_has_too_few_frames_in_a_beat(tmp_path):
-    assert "rate" in faults(tmp_path, carp_frames(50, frame_rate_hz=2.5, **SIZE), rate=2.5)
+    assert "rate" in faults(tmp_path, carp_frames(40, frame_rate_hz=2.5, **SIZE), rate=2.5)
 
 
 def test_a_blurred_film_is_not_sharp(tmp_path, carp):

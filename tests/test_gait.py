@@ -60,10 +60,9 @@ def test_partner_is_the_other_side_if_it_is_there():
 
 def test_a_mirror_keeps_the_direction_and_twice_is_the_identity():
     points = np.random.default_rng(7).normal(size=(3, 16, 2))
-    flipped = mirror_contours(points, 2.0, reversed_order(16, 3))
-    np.testing.assert_allclose(
-        mirror_contours(flipped, 2.0, reversed_order(16, 3)), points, atol=1e-15
-    )
+    order = reversed_order(16, 3)
+    flipped = mirror_contours(points, 2.0, order)
+    np.testing.assert_allclose(mirror_contours(flipped, 2.0, order), points, atol=1e-15)
     x, y = points[0].T
     u, v = flipped[0].T
     area = [a @ np.roll(b, -1) - b @ np.roll(a, -1) for a, b in ((x, y), (u, v))]
@@ -96,9 +95,8 @@ def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
     tau = np.array([0.25, 0.5])
     one = interpolate_contours(source, to, tau, (0.7,), DESCRIPTOR)
     np.testing.assert_allclose(one, to + start_share(tau, 0.7)[:, None, None] * (source - to))
-    np.testing.assert_allclose(
-        interpolate_contours(source, to, tau, (0.7, 0.7), DESCRIPTOR), one, atol=1e-12
-    )
+    twice = interpolate_contours(source, to, tau, (0.7, 0.7), DESCRIPTOR)
+    np.testing.assert_allclose(twice, one, atol=1e-12)
     gammas = (-0.5, 0.0, 0.9)
     moved = DESCRIPTOR.coefficients(interpolate_contours(source, to, tau, gammas, DESCRIPTOR) - to)
     way = DESCRIPTOR.coefficients(source - to)
@@ -108,11 +106,10 @@ def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
 
 
 def test_few_control_points_make_smoother_contours_and_all_change_nothing():
-    full = contours_of_cycle(ONE, TWO, WALK, 8)["body"]
-    np.testing.assert_allclose(
-        contours_of_cycle(ONE, TWO, WALK, 8, control=32)["body"], full, atol=1e-12
+    full, every, few = (
+        contours_of_cycle(ONE, TWO, WALK, 8, control=control)["body"] for control in (None, 32, 4)
     )
-    few = contours_of_cycle(ONE, TWO, WALK, 8, control=4)["body"]
+    np.testing.assert_allclose(every, full, atol=1e-12)
     assert np.abs(DESCRIPTOR.coefficients(few)[:, 4:]).max() < 1e-12
     np.testing.assert_allclose(few.mean(axis=1), full.mean(axis=1), atol=1e-12)
     open_ones = contours_of_cycle(ONE, TWO, WALK, 8, control=4, closed={"body": False})["body"]
@@ -129,14 +126,12 @@ def test_offsets_keep_a_limb_at_its_hip():
     hips = {"fore_left": np.array([3.0, -1.0]), "fore_right": np.array([-3.0, 1.0])}
     later = four_key_frames(ONE, TWO, "swap", HalfCycleLayout(offsets=hips))[2]
     np.testing.assert_allclose(later["fore_left"], ONE["fore_right"] + [3, -1])
+    moved = HalfCycleLayout(offsets=dict.fromkeys(hips, np.ones(2)))
     with pytest.raises(FinloopError, match="'fore_left' is not what it was"):
-        four_key_frames(
-            ONE, TWO, "swap", HalfCycleLayout(offsets={name: np.ones(2) for name in hips})
-        )
+        four_key_frames(ONE, TWO, "swap", moved)
+    rolled = HalfCycleLayout(orders={"body": np.roll(np.arange(32), 1)})
     with pytest.raises(FinloopError, match="two half cycles later"):
-        four_key_frames(
-            ONE, TWO, "mirror", HalfCycleLayout(orders={"body": np.roll(np.arange(32), 1)})
-        )
+        four_key_frames(ONE, TWO, "mirror", rolled)
 
 
 @pytest.mark.parametrize(

@@ -42,13 +42,8 @@ def carp_outline(line: np.ndarray) -> np.ndarray:
 @cache
 def swimming(speed: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Outlines and midlines in px of a carp that beats its tail and goes its way, head right."""
-    time = np.arange(FRAMES) / RATE
-    lines = np.stack(
-        [
-            midline_of_pose(speed * t, 0.0, turn * t, b, 1.0, 0.0)
-            for t, b in zip(time, BEAT, strict=True)
-        ]
-    )
+    moments = zip(np.arange(FRAMES) / RATE, BEAT, strict=True)
+    lines = np.stack([midline_of_pose(speed * t, 0.0, turn * t, b, 1.0, 0.0) for t, b in moments])
     return np.stack([carp_outline(line) for line in lines]) * LENGTH, lines * LENGTH
 
 
@@ -71,12 +66,9 @@ def test_contours_begin_at_the_snout_and_run_clockwise() -> None:
         step = np.hypot(*np.diff(np.vstack([one, one[:1]]), axis=0).T)
         assert np.ptp(step[2:30]) < 0.05 * step.mean()  # not the tips, where corners are cut
     # Neither the direction nor the first point of what comes matters.
-    np.testing.assert_allclose(
-        contours_from_snout(outline[:, ::-1], line[:, 0], 64), found, atol=1e-9
-    )
-    np.testing.assert_allclose(
-        contours_from_snout(np.roll(outline, 9, 1), line[:, 0], 64), found, atol=1e-9
-    )
+    for other in (outline[:, ::-1], np.roll(outline, 9, 1)):
+        same = contours_from_snout(other, line[:, 0], 64)
+        np.testing.assert_allclose(same, found, atol=1e-9)
 
 
 def test_the_beat_of_a_drawn_fish_is_found() -> None:
@@ -87,12 +79,11 @@ def test_the_beat_of_a_drawn_fish_is_found() -> None:
     assert found.length_px == pytest.approx(LENGTH, rel=0.01)
     assert np.ptp(off(found.period.phase, BEAT)) < 0.03
     # Phase 0 is where the tail is farthest to the left, which is up on the screen.
-    turned = tail_sideways_positions(found.points) @ np.exp(-2j * np.pi * found.period.phase)
+    tail = tail_sideways_positions(found.points)
+    turned = tail @ np.exp(-2j * np.pi * found.period.phase)
     assert np.angle(-turned) == pytest.approx(0, abs=0.05)
-    assert (
-        np.abs(off(found.period.phase[tail_sideways_positions(found.points).argmin()], 0.0)) < 0.06
-    )
-    assert tail_sideways_positions(found.points).max() > 0.05
+    assert np.abs(off(found.period.phase[tail.argmin()], 0.0)) < 0.06
+    assert tail.max() > 0.05
     # The head yaws in the body frame as it does on the film of a fish that stays in place.
     yaw = swimming()[1][:, 0, 1] / LENGTH
     np.testing.assert_allclose(found.points[:, 0, 1], yaw - yaw.mean(), atol=0.004)
@@ -120,10 +111,8 @@ def test_place_direction_and_size_on_the_screen_do_not_matter() -> None:
 
 def test_in_a_mirror_it_is_half_a_beat_later() -> None:
     outline, line = swimming(speed=1.0, turn=0.4)
-    one, other = (
-        measure_swimming(speed=1.0, turn=0.4),
-        swim_contours(outline * [1, -1], line * [1, -1], RATE),
-    )
+    one = measure_swimming(speed=1.0, turn=0.4)
+    other = swim_contours(outline * [1, -1], line * [1, -1], RATE)
     image = one.points[:, -np.arange(one.points.shape[1])] * [1, -1]
     np.testing.assert_allclose(image, other.points, atol=1e-9)
     np.testing.assert_allclose(off(one.period.phase + 0.5, other.period.phase), 0, atol=1e-9)
@@ -143,15 +132,9 @@ def test_a_straight_fish_is_its_own_mirror_image() -> None:
 def test_the_beat_of_the_carp_is_found_where_it_swims_straight(seed: int) -> None:
     """Cruises, glides, bursts and turns, as its script has them; outlines from its true midline."""
     carp = carp_motion(settings("clip", source="carp", frames=200, seed=seed))
-    lines = np.stack(
-        [
-            midline_of_pose(
-                carp.x[i, 0], carp.y[i, 0], carp.axis[i, 0], carp.beat[i, 0], carp.amplitude[i, 0],
-                carp.bend[i, 0], carp.ripple[i, 0],
-            )
-            for i in range(len(carp.x))
-        ]
-    )  # fmt: skip
+    motion = (carp.x, carp.y, carp.axis, carp.beat, carp.amplitude, carp.bend, carp.ripple)
+    poses = zip(*(part[:, 0] for part in motion), strict=True)
+    lines = np.stack([midline_of_pose(*pose) for pose in poses])
     found = swim_contours(np.stack([carp_outline(line) for line in lines]), lines, 25.0).period
     beat, both = carp.beat[:, 0], found.steady[1:] & found.steady[:-1]
     assert found.why == ""

@@ -152,9 +152,8 @@ def test_exchanged_sides_are_told():
     assert animate_drawing(one, wrong, WALK, 8, 32).lifted == ("fore_right",)
     assert animate_drawing(*poses("dog"), WALK, 8, 32).lifted == ()
     far = legs(fore_left=(10, 5), fore_right=(50, 1))  # a far limb stands higher
-    assert (
-        animate_drawing(far, legs(fore_left=(30, 4), fore_right=(30, 1)), WALK, 8, 32).lifted == ()
-    )
+    near = legs(fore_left=(30, 4), fore_right=(30, 1))
+    assert animate_drawing(far, near, WALK, 8, 32).lifted == ()
 
 
 def test_cycles_in_a_row():
@@ -235,15 +234,9 @@ def test_supports_are_whole_frames_with_both_ends():
 
 def test_a_foot_drawn_with_an_open_line_counts_too():
     """Its upper part becomes shorter, so the points run along the line."""
-    legs = [
-        resample_curve(
-            Curve(BOOT[1:5] + [[1.5 * k, 2 * k * (i == 0)] for i in range(4)], False), 64
-        )
-        for k in range(5)
-    ]
-    assert foot_displacement(np.stack([leg.points for leg in legs]))[-1] == pytest.approx(
-        6, abs=0.3
-    )
+    drawn = [BOOT[1:5] + [[1.5 * k, 2 * k * (i == 0)] for i in range(4)] for k in range(5)]
+    legs = np.stack([resample_curve(Curve(points, False), 64).points for points in drawn])
+    assert foot_displacement(legs)[-1] == pytest.approx(6, abs=0.3)
 
 
 def test_a_foot_that_rolls_does_not_slide():

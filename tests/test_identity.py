@@ -43,9 +43,8 @@ def rng():
 
 
 def test_drift_is_none_on_a_straight_way_and_that_of_a_random_walk(rng):
-    straight = motion.measure_drift(
-        table_of(*(np.outer(np.arange(200), (0.1, 0.02 * k)) for k in range(3)))
-    )
+    ways = [np.outer(np.arange(200), (0.1, 0.02 * k)) for k in range(3)]
+    straight = motion.measure_drift(table_of(*ways))
     assert straight.mismatch[:-1] == pytest.approx(0, abs=1e-9)
     assert straight.share[:-1] == pytest.approx(1)
     drift = motion.measure_drift(table_of(*np.cumsum(rng.normal(0, 1, (40, 400, 2)), axis=1)))
@@ -196,21 +195,18 @@ def looked_at(tracks, time):
     """The log ratio of all pairs (n, n) of tracks that are seen in one frame each."""
     n = len(tracks)
     pairs = TrackPairs(*np.indices((n, n)).reshape(2, -1))
-    return appearance.appearance_log_ratios(tracks, simultaneous_pairs(time, time), pairs).reshape(
-        n, n
-    )
+    at_once = simultaneous_pairs(time, time)
+    return appearance.appearance_log_ratios(tracks, at_once, pairs).reshape(n, n)
 
 
 def test_components_of_some_pictures_describe_them_all(rng, monkeypatch):
     """Where all pictures lie in a few directions, some of them show these."""
     pictures = (rng.normal(0, 1, (300, 3)) @ rng.normal(0, 1, (3, 40))).astype(np.float32)
-    whole, some = [], []
-    for most, made in ((1000, whole), (50, some)):
+    apart = []
+    for most in (1000, 50):
         monkeypatch.setattr(appearance, "_PICTURES", most)
-        made.append(
-            appearance.appearance_descriptors(rng.random((300, 2)), pictures.__getitem__, 3)[:, 2:]
-        )
-    apart = [np.linalg.norm(one[0][:-1] - one[0][1:], axis=1) for one in (whole, some)]
+        found = appearance.appearance_descriptors(rng.random((300, 2)), pictures.__getitem__, 3)
+        apart.append(np.linalg.norm(np.diff(found[:, 2:], axis=0), axis=1))
     np.testing.assert_allclose(apart[0] / apart[1], (apart[0] / apart[1]).mean(), rtol=1e-4)
 
 

@@ -53,7 +53,7 @@ def test_what_is_pale_and_wide_or_apart_does_not():
     assert np.array_equal(silhouette(animal(tail=10)), np.where(animal(tail=10) > 40, 255, 0))
 
 
-@pytest.mark.parametrize("tail", [25, 35, 38, 60])
+@pytest.mark.parametrize("tail", [25, 38, 60])
 def test_the_backbone_is_as_long_however_pale_the_tail(tail, monkeypatch):
     frame = TANK - animal(tail)
     how = settings("extract")
