@@ -278,8 +278,9 @@ def main() -> None:
     if failures:
         raise FinloopError(
             f"{len(failures)} of {len(films)} films failed: {', '.join(failures)}",
-            "films that the pipeline can measure",
-            "see above; then `make study` again: films with a result are not run again",
+            "films that the pipeline can measure, and settings that it has",
+            "correct what is named above, in the study's file or where you typed it; then "
+            "`make study` again: films with a result are not run again",
         )
 
 
