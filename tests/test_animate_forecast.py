@@ -21,7 +21,7 @@ from finloop.plan.cost import Rarity
 from finloop.plan.graph import ROW, remove_dead_ends
 from finloop.plan.path_measures import path_table
 from finloop.plan.sources import PredictionSource
-from finloop.plan.world import fast_rate
+from finloop.plan.world import fast_speed
 
 REST = np.zeros(3000, bool)
 GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]
@@ -176,8 +176,8 @@ def test_a_fish_from_sprites_or_from_the_film_goes_on():
         assert later.fish.past is not None and later.fish.row == stretch.number[-1]
 
 
-def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted():
-    one, most = player(), own_world().brisk.turn_deg
+def test_the_head_of_a_fish_in_a_corner_turns_no_faster_than_a_fast_fish_swims_or_as_is_predicted():
+    one, most = player(), own_world().turn_on_spot_deg
     legal = one.world.tank.legal
     y, x = np.argwhere(legal).min(0)
     for seed in range(20):
@@ -198,12 +198,12 @@ def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted(
             assert abs((stretch.trajectory[0, 2] - heading + 180) % 360 - 180) < 30
 
 
-def test_who_rests_for_most_of_the_film_is_brisk_when_it_swims():
+def test_a_fish_that_rests_for_most_of_the_film_is_fast_when_it_swims():
     p = replace(own_world().settings, expected_speed_quantile=0.75)
     speed = np.where(np.arange(1000) % 10 == 0, 4.0, 0.0)
-    assert fast_rate(speed, p) == pytest.approx(0.4)
-    assert fast_rate(speed + 1, p) == 1
-    assert fast_rate(np.zeros(9), p) > 0
+    assert fast_speed(speed, p) == pytest.approx(0.4)
+    assert fast_speed(speed + 1, p) == 1
+    assert fast_speed(np.zeros(9), p) > 0
 
 
 def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from toy_film import RATE, film_of, lessons, loops, planning
+from toy_film import RATE, film_of, film_world_of, lessons, loops
 
 from finloop.animate.measures import motion_of_film
 from finloop.animate.motion import learn_motion
@@ -10,7 +10,6 @@ from finloop.base.settings import settings
 from finloop.features.current import measure_current
 from finloop.modes.phases import learn_phases
 from finloop.plan.graph import mean_step_px
-from finloop.plan.world import learn_fast_fish
 
 
 def beating(frames=200, hz=2.0, wide=0.18, drift=0.0):
@@ -55,7 +54,7 @@ def test_all_that_swims_by_the_film_gets_on_as_in_still_water():
     assert mean_step_px(high.rows) > mean_step_px(low.rows) > mean_step_px(plain.rows)
     every = (still, *drifted)
     lessons_of = [learn_motion(table, RATE, 5) for table in every]
-    quick = [learn_fast_fish(motion, planning()).fastest for motion in lessons_of]
+    quick = [film_world_of(taught=motion).fastest_bl_s for motion in lessons_of]
     phases = [learn_phases(motion, settings("network")).high for motion in lessons_of]
     assert quick[0] < quick[1] < quick[2] and phases[0] < phases[1] < phases[2]
     moved = [motion_of_film(table, learn_motion(still, RATE, 5))[0] for table in every]

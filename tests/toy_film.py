@@ -39,7 +39,7 @@ from finloop.plan.graph import MotionGraph, loop_jumps, motion_graph
 from finloop.plan.matching_settings import AllSettings, merge_settings
 from finloop.plan.planner import Planner
 from finloop.plan.sources import FilmSource
-from finloop.plan.world import FastFish, FilmWorld, learn_fast_fish
+from finloop.plan.world import FilmWorld
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
 from finloop.social.rule import SchoolRule, SocialSteps
@@ -112,12 +112,6 @@ def lesson() -> MotionStatistics:
 @cache
 def phases(rate: float = RATE) -> Phases:
     return learn_phases(learnt(lessons(), rate), settings("network"))
-
-
-@cache
-def brisk() -> FastFish:
-    """How fast a brisk fish of the lessons swims."""
-    return learn_fast_fish(lesson(), planning())
 
 
 def planning(**changes) -> AllSettings:
@@ -292,7 +286,7 @@ def film_world_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
     """A film in a tank, with some parameters changed."""
     return FilmWorld(
         open_tank() if room_ is None else room_, lesson() if taught is None else taught,
-        TOUCH, HEAD, rich_film() if film_ is None else film_, brisk(),
+        TOUCH, HEAD, rich_film() if film_ is None else film_,
         planning(**({"wander": "places", "choice_noise": 0.75} | changes)),
     )  # fmt: skip
 

@@ -30,7 +30,7 @@ from finloop.plan.graph import motion_graph, neighbour_jumps, remove_dead_ends
 from finloop.plan.matching_settings import AllSettings
 from finloop.plan.planner import Planner
 from finloop.plan.sources import FilmSource, PredictionSource
-from finloop.plan.world import FilmWorld, learn_fast_fish
+from finloop.plan.world import FilmWorld
 from finloop.social.leader import leaders_by_follower
 from finloop.social.rule import SchoolRule, require_rule
 
@@ -156,8 +156,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     graph = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
     world = FilmWorld(
         common.tank, motion, common.touch_px, common.head_px, film=graph,
-        brisk=learn_fast_fish(motion, p), settings=p,
-        discs=silhouettes.discs,
+        settings=p, discs=silhouettes.discs,
     )  # fmt: skip
     film_source, prediction_source = _motion_sources(world, film_data.forecast, rarity, joins)
     player = Planner(

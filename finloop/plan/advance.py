@@ -38,9 +38,9 @@ _LEAST_AHEAD = 0.1  # body lengths; the least distance ahead of a point to steer
 def largest_steering_turn(speed_bl_s: float, steering: Steering) -> float:
     """Return the largest steering correction, degrees in a tick, at a speed in body lengths/s.
 
-    It is proportional to the speed, up to that of a fast fish (`steering.brisk`).
+    It is proportional to the speed, up to that of a fast fish (`steering.fast_bl_s`).
     """
-    return steering.turn * min(speed_bl_s / steering.brisk, 1.0)
+    return steering.turn * min(speed_bl_s / steering.fast_bl_s, 1.0)
 
 
 class RoutePlace(NamedTuple):

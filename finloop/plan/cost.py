@@ -247,7 +247,7 @@ class Steering(NamedTuple):
     """How far a fish may be steered onto its path, and what leaving the path costs.
 
     turn [°/tick, of a fast fish], shift [px/tick at a body length/s]: the largest corrections,
-    smaller for a slower fish, none for a resting one; brisk: speed of a fast fish, body lengths/s;
+    smaller for a slower fish, none for a resting one; fast_bl_s: speed of a fast fish;
     reach: ticks of film to look ahead; length_px: a body length. Costs, in ticks per tick: across,
     late: of a body length beside the path, or from the place due now; heading: of a right angle to
     the requested heading; effort: of the largest correction.
@@ -255,7 +255,7 @@ class Steering(NamedTuple):
 
     turn: float
     shift: float
-    brisk: float
+    fast_bl_s: float
     reach: int
     length_px: float
     across: float
@@ -265,7 +265,7 @@ class Steering(NamedTuple):
 
 
 NO_STEERING = Steering(
-    turn=0.0, shift=0.0, brisk=1.0, reach=0, length_px=1.0,
+    turn=0.0, shift=0.0, fast_bl_s=1.0, reach=0, length_px=1.0,
     across=0.0, late=0.0, heading=0.0, effort=0.0,
 )  # fmt: skip
 

@@ -38,13 +38,13 @@ class Fallback:
         """Return a stretch in place: the film plays on, and the fish turns towards the target.
 
         It shows the first row that can follow, and those after it, at most a stride (ticks between
-        two checks of a branch), up to where the film ends. It turns no faster than a fast fish of
-        the film.
+        two checks of a branch), up to where the film ends. Its head moves no faster than a fast
+        fish swims.
         """
         world = self._world
         rows, trajectory = _turn_in_place(
             world.film, fish.row, fish.rot, np.array([fish.x, fish.y, fish.heading]),
-            target, most_ticks=world.cost_weights.stride, most_deg=world.brisk.turn_deg,
+            target, most_ticks=world.cost_weights.stride, most_deg=world.turn_on_spot_deg,
         )  # fmt: skip
         return Stretch(
             FORECAST if fish.state == FORECAST else FILM, trajectory, rows,

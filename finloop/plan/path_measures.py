@@ -163,7 +163,7 @@ def swimming_limits(film: MotionGraph, world: FilmWorld) -> SwimmingLimits:
     """Return the sharpest bend (a high quantile) and the highest speed of the film's fish."""
     motion = world.motion
     bend = film_bend(film, motion.delta, motion.body_length_px, _BEND)
-    return SwimmingLimits(bend, world.brisk.fastest)
+    return SwimmingLimits(bend, world.fastest_bl_s)
 
 
 def find_departures(

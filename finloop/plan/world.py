@@ -2,12 +2,10 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from finloop.animate.company import NO_DISCS, Discs
-from finloop.animate.motion import MotionStatistics
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.features.table import wrap_deg
@@ -18,28 +16,16 @@ from finloop.plan.walls import Bounds, tank_bounds
 from finloop.social.walls import Walls
 
 
-class FastFish(NamedTuple):
-    """How fast a fast fish of the film turns, and the film's highest speed.
-
-    turn_deg: a high quantile of the film's turn rates, degrees in a tick, measured over Δ; fastest:
-    the highest speed, body lengths/s.
-    """
-
-    turn_deg: float
-    fastest: float
-
-
 @dataclass(frozen=True)
 class FilmWorld(World):
     """The world of a fish of `matching`: the tank, the film, and what the film teaches.
 
-    film: motion graph of the rows; brisk: how fast a fast fish is; settings: parameters of
-    `animate` and `matching`; discs: that cover the body, to test whether a picture is inside the
-    tank; without any the fish keeps to where every picture fits.
+    film: motion graph of the rows; settings: parameters of `animate` and `matching`; discs: that
+    cover the body, to test whether a picture is inside the tank; without any the fish keeps to
+    where every picture fits.
     """
 
     film: MotionGraph
-    brisk: FastFish
     settings: AllSettings
     discs: Discs = NO_DISCS
 
@@ -77,14 +63,28 @@ class FilmWorld(World):
         """Return the settings of the search and the weights of its costs."""
         motion, p = self.motion, self.settings
         speeds, delta = self.film.speed[self.film.has_next], motion.delta
-        fast_speed = fast_rate(speeds, p) if len(speeds) else 1.0
+        fast_bl_s = fast_speed(speeds, p) if len(speeds) else 1.0
         return CostWeights(
-            fast_px=fast_speed * motion.body_length_px / motion.rate_hz,
+            fast_px=fast_bl_s * motion.body_length_px / motion.rate_hz,
             turn_deg=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
             stride=max(1, self.to_ticks(p.search_step_deltas)), beam=p.beam,
             seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
             memory=p.repeat_memory * delta,
         )  # fmt: skip
+
+    @property
+    def turn_on_spot_deg(self) -> float:
+        """Return how far a fish turns on the spot in a tick, at most, in degrees.
+
+        Its head, half a body length from its centre, then moves as far as a fast fish swims.
+        """
+        return float(np.degrees(self.cost_weights.fast_px / (self.motion.body_length_px / 2)))
+
+    @cached_property
+    def fastest_bl_s(self) -> float:
+        """Return the highest speed of the film's fish, body lengths/s."""
+        speeds = np.concatenate([track.speed for track in self.motion.tracks])
+        return float(np.quantile(speeds, _FASTEST))
 
     @cached_property
     def turn_spread_deg(self) -> float:
@@ -103,7 +103,7 @@ class FilmWorld(World):
         return Steering(
             turn=max(p.path_max_correction_ratio * self.turn_spread_deg / motion.delta, 1e-6),
             shift=p.path_max_correction_ratio * motion.body_length_px / motion.rate_hz,
-            brisk=self.cost_weights.fast_px * motion.rate_hz / motion.body_length_px,
+            fast_bl_s=self.cost_weights.fast_px * motion.rate_hz / motion.body_length_px,
             reach=self.steering_ticks, length_px=motion.body_length_px,
             across=p.path_offset_cost, late=p.path_late_cost,
             heading=p.path_heading_cost, effort=p.path_correction_cost,
@@ -120,25 +120,15 @@ class FilmWorld(World):
         return round(self.settings.seconds * self.motion.rate_hz)
 
 
-_QUICK = 0.99  # quantile of speeds and of turn rates; beyond it are faults of tracking
+_QUICK = 0.99  # quantile of speeds; beyond it are faults of tracking
 _FASTEST = 0.998  # quantile taken for the highest speed; beyond it are faults of tracking
 
 
-def learn_fast_fish(motion: MotionStatistics, settings: AllSettings) -> FastFish:
-    """Return how fast the film's fast fish turn, and their highest speed."""
-    tracks, delta = motion.tracks, motion.delta
-    headings = [track.heading_deg for track in tracks]
-    turn_rates = np.concatenate([np.abs(deg[delta:] - deg[:-delta]) / delta for deg in headings])
-    speeds = np.concatenate([track.speed for track in tracks])
-    return FastFish(fast_rate(turn_rates, settings), float(np.quantile(speeds, _FASTEST)))
+def fast_speed(speeds: Floats, settings: AllSettings) -> float:
+    """Return the speed of a fast fish of a film, in the unit of `speeds`.
 
-
-def fast_rate(rates: Floats, settings: AllSettings) -> float:
-    """Return the speed, or the turn rate, of a fast fish of a film, in the unit of `rates`.
-
-    rates (n,): all speeds, or turn rates, of the film. The result is their quantile
-    `expected_speed_quantile`, but at least `expected_speed_least` of a very high quantile: a fish
-    may rest for most of the film.
+    speeds (n,): all speeds of the film. The result is their quantile `expected_speed_quantile`, but
+    at least `expected_speed_least` of a very high quantile: a fish may rest for most of the film.
     """
-    quantile, quick = np.quantile(rates, (settings.expected_speed_quantile, _QUICK))
+    quantile, quick = np.quantile(speeds, (settings.expected_speed_quantile, _QUICK))
     return float(max(quantile, settings.expected_speed_least * quick, 1e-6))
