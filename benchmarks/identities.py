@@ -188,22 +188,27 @@ def match_places(reference: pd.DataFrame, other: pd.DataFrame, length_px: float)
     Matched places are each other's nearest, less than half a body length apart, and no third place
     is within twice that distance of either.
     """
-    there = dict(list(other.groupby("frame")))
+    other_by_frame = dict(list(other.groupby("frame")))
     parts = [reference.iloc[:0].assign(other=0)]
     for frame, rows in reference.groupby("frame"):
-        if frame in there:
-            far = cdist(rows[_PLACE], there[frame][_PLACE]) / length_px
-            row, column = np.nonzero(is_unambiguous(far) & is_unambiguous(far.T).T)
-            seen = there[frame]["animal"].to_numpy()[column]
-            parts.append(rows.iloc[row].assign(other=seen))
+        if frame in other_by_frame:
+            other_rows = other_by_frame[frame]
+            distances = cdist(rows[_PLACE], other_rows[_PLACE]) / length_px
+            row, column = np.nonzero(is_unambiguous(distances) & is_unambiguous(distances.T).T)
+            animals = other_rows["animal"].to_numpy()[column]
+            parts.append(rows.iloc[row].assign(other=animals))
     return pd.concat(parts).sort_values(["animal", "frame"], ignore_index=True)
 
 
 def is_unambiguous(distances: Floats) -> Mask:
-    """Mark the least distance of each row (n, m), unless it is large or another is similar."""
+    """Return where the least distance of each row is, (n, m): nowhere if that is not clear.
+
+    distances (n, m): body lengths. It is clear if the least is below _TOUCH, and the next is more
+    than _TWICE as large.
+    """
     nearest = np.sort(np.pad(distances, ((0, 0), (0, 1)), constant_values=np.inf), axis=1)
-    sure = (nearest[:, 0] < _TOUCH) & (nearest[:, 1] > _TWICE * nearest[:, 0])
-    return sure[:, None] & (distances == nearest[:, :1])
+    is_clear = (nearest[:, 0] < _TOUCH) & (nearest[:, 1] > _TWICE * nearest[:, 0])
+    return is_clear[:, None] & (distances == nearest[:, :1])
 
 
 def identity_switches(matched: pd.DataFrame) -> pd.DataFrame:
@@ -218,7 +223,7 @@ def identity_switches(matched: pd.DataFrame) -> pd.DataFrame:
 
 
 def count_right_animals(matched: pd.DataFrame) -> int:
-    """Count fish-frames with the right animal, under the best assignment of animals to fish."""
+    """Return in how many fish-frames the animal is right, as animals are best assigned to fish."""
     table = pd.crosstab(matched["animal"], matched["other"]).to_numpy()
     return int(table[linear_sum_assignment(table, maximize=True)].sum())
 
@@ -248,34 +253,35 @@ def time_programs(work: Callable[[], pd.DataFrame]) -> tuple[pd.DataFrame, dict[
 
 
 def compare_programs(
-    name: str, folder: Path, environment: Path | None, own: Sequence[str]
+    name: str, folder: Path, environment: Path | None, arguments: Sequence[str]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return a film's rows of the table, and the switches of each program."""
-    one = FILMS[name](folder)
-    (ours := folder / "finloop").mkdir(exist_ok=True)
-    mine, my_time = time_programs(lambda: track_by_finloop(one, ours))
-    frames = Project(ours).facts.frames
-    length = float(mine["body_length_px"].median())
-    runs = [("finloop", "", mine[["frame", "animal", *_PLACE]], my_time)]
+    """Return a film's rows of the table, and the switches of each program.
+
+    environment, arguments: of idtracker.ai; without an environment only finloop runs.
+    """
+    film = FILMS[name](folder)
+    (home := folder / "finloop").mkdir(exist_ok=True)
+    places, times = time_programs(lambda: track_by_finloop(film, home))
+    frames, length = Project(home).facts.frames, float(places["body_length_px"].median())
+    runs = [("finloop", "", places[["frame", "animal", *_PLACE]], times)]
     if environment is not None:
-        (theirs := folder / "idtracker").mkdir(exist_ok=True)
-        its, its_time = time_programs(lambda: track_by_idtracker(one, theirs, environment, own))
-        runs.append(("idtracker.ai", " ".join(own), its, its_time))
-    rows, found = list[dict[str, object]](), list[pd.DataFrame]()
-    for number, (program, words, places, took) in enumerate(runs):
-        matched = match_places(
-            runs[1 - number][2] if one.truth is None else one.truth, places, length
-        )
+        (home := folder / "idtracker").mkdir(exist_ok=True)
+        run = partial(track_by_idtracker, film, home, environment, arguments)
+        runs.append(("idtracker.ai", " ".join(arguments), *time_programs(run)))
+    rows, switches = list[dict[str, object]](), list[pd.DataFrame]()
+    for number, (program, words, places, times) in enumerate(runs):
+        reference = runs[1 - number][2] if film.truth is None else film.truth
+        matched = match_places(reference, places, length)
         rows.append({
             "film": name, "program": program, "settings": words,
-            "beside": "the other" if one.truth is None else "truth",
-            **summarize_program(places, one.animals, frames, matched), **took,
+            "beside": "the other" if film.truth is None else "truth",
+            **summarize_program(places, film.animals, frames, matched), **times,
         })  # fmt: skip
-        found.append(identity_switches(matched).assign(film=name, program=program))
-    return pd.DataFrame(rows), pd.concat(found)
+        switches.append(identity_switches(matched).assign(film=name, program=program))
+    return pd.DataFrame(rows), pd.concat(switches)
 
 
-def keep(rows: pd.DataFrame) -> None:
+def keep_rows(rows: pd.DataFrame) -> None:
     """Write the rows of a film into the table, in place of its old rows."""
     if TABLE.is_file():
         key = ["film", "program"]
@@ -299,17 +305,17 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         home = (args.keep or Path(scratch)).resolve()
         home.mkdir(parents=True, exist_ok=True)
-        its = None
+        environment = None
         if not args.alone:
-            its = tracker_environment((args.environment or home / "environment").resolve())
-        found = list[pd.DataFrame]()
+            environment = tracker_environment((args.environment or home / "environment").resolve())
+        all_switches = list[pd.DataFrame]()
         for name in films:
             (folder := home / name).mkdir(exist_ok=True)
-            rows, changes = compare_programs(name, folder, its, args.idtracker.split())
-            print(rows.round(2).to_string(), changes.round(1).to_string(), sep="\n", flush=True)
-            keep(rows)
-            found.append(changes)
-        pd.concat(found).to_csv(home / "disagreements.csv", index=False)
+            rows, switches = compare_programs(name, folder, environment, args.idtracker.split())
+            print(rows.round(2).to_string(), switches.round(1).to_string(), sep="\n", flush=True)
+            keep_rows(rows)
+            all_switches.append(switches)
+        pd.concat(all_switches).to_csv(home / "disagreements.csv", index=False)
 
 
 if __name__ == "__main__":

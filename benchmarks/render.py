@@ -80,10 +80,8 @@ def ways_to_draw(
     """Return functions that draw all ticks, by name."""
     school = [swim_in_circle(gallery, bodies, seed=seed) for seed in range(8)]
     cross_faded_and_bent = [swim_in_circle(gallery, bodies, True, seed, True) for seed in range(8)]
-    fading, bent = (
-        swim_in_circle(gallery, bodies, True),
-        swim_in_circle(gallery, bodies, bends=True),
-    )
+    fading = swim_in_circle(gallery, bodies, fades=True)
+    bent = swim_in_circle(gallery, bodies, bends=True)
     painter = Painter(background)
 
     def draw(fish: list[list[PlacedFish]]) -> None:

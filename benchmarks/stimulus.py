@@ -67,12 +67,12 @@ class Live(NamedTuple):
     address: str
     page: Page
     folder: Path
-    ports: tuple[int, int]
-    way: socket.socket
+    ports: tuple[int, int]  # for messages as JSON, and as OSC
+    udp: socket.socket
 
     def send(self, text: bytes, osc: bool = False) -> None:
-        """Send a tracker's message by UDP."""
-        self.way.sendto(text, ("127.0.0.1", self.ports[osc]))
+        """Send a tracker's message by UDP, to the port for JSON or to that for OSC."""
+        self.udp.sendto(text, ("127.0.0.1", self.ports[osc]))
 
 
 def free_ports(port_count: int) -> list[int]:
@@ -88,13 +88,14 @@ def free_ports(port_count: int) -> list[int]:
 @contextmanager
 def run_session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
     """Run a session with a display; at the end of the block it ends and leaves its file."""
-    udp, osc = free_ports(2)
+    json_port, osc_port = free_ports(2)
     with tempfile.TemporaryDirectory() as name, sync_playwright() as play:
         folder = Path(name)
         plan = folder / "protocol.yaml"
         plan.write_text(yaml.safe_dump({"version": 1, "display": {"calibrated": False}} | protocol))
         command = [sys.executable, "-m", "stages.stimulus", "show", str(plan), "--no-open"]
-        command += ["--port", "0", "--out", name, "--udp", str(udp), "--osc", str(osc), *options]
+        command += ["--port", "0", "--out", name, *options]
+        command += ["--udp", str(json_port), "--osc", str(osc_port)]
         program = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
         address = ""
         for line in program.stderr or ():
@@ -105,8 +106,9 @@ def run_session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
         page = browser.new_page(viewport={"width": 1280, "height": 720})
         page.goto(f"http://{address}/show")
         page.wait_for_timeout(3000)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
-            yield Live(psutil.Process(program.pid), address, page, folder, (udp, osc), way)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+            ports = json_port, osc_port
+            yield Live(psutil.Process(program.pid), address, page, folder, ports, udp)
         browser.close()
         program.send_signal(2)
         program.wait(60)
@@ -122,9 +124,9 @@ def connect_page(session: Live, page: str) -> ClientConnection:
 
 def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -> None:
     """Start a session, and call `meanwhile` with the time every `step_s` until it is done."""
-    with connect_page(live, "experimenter") as way:
-        state = json.loads(way.recv())
-        way.send('{"do":"start"}')
+    with connect_page(live, "experimenter") as page:
+        state = json.loads(page.recv())
+        page.send('{"do":"start"}')
         due = time.perf_counter()
         while state["phase"] != "done":
             meanwhile(time.perf_counter())
@@ -132,7 +134,7 @@ def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -
             while True:
                 waiting_s = due - time.perf_counter()
                 try:
-                    state = json.loads(way.recv(timeout=max(waiting_s, 0.0)))
+                    state = json.loads(page.recv(timeout=max(waiting_s, 0.0)))
                 except TimeoutError:
                     break
 
@@ -288,26 +290,25 @@ def send_hostile_messages() -> Iterator[Row]:
         "conditions": {"avoid": {"seconds": 120, "motion": {"rule": {"rule": "avoid"}}}},
     }  # fmt: skip
     with run_session(protocol) as live:
-        with connect_page(live, "experimenter") as way:
-            way.send('{"do":"start"}')
-            way.recv()
+        with connect_page(live, "experimenter") as page:
+            page.send('{"do":"start"}')
+            page.recv()
         before = 0.0
         for turn in range(2):  # the first time warms up
-            if turn:
-                before = live.program.memory_info().rss / 2**20
+            before = live.program.memory_info().rss / 2**20
             for text in hostile_texts(MESSAGES, turn):
                 live.send(text)
                 live.send(text, osc=True)
             for path in ("animals", "display", "experimenter"):
-                with connect_page(live, path) as way:
+                with connect_page(live, path) as page:
                     for number, text in enumerate(hostile_texts(MESSAGES, turn)):
-                        way.send(text.decode("latin-1") if number % 2 else text)
+                        page.send(text.decode("latin-1") if number % 2 else text)
                         if path == "experimenter" and number % 20 == 0:
-                            way.recv()
+                            page.recv()
         growth = live.program.memory_info().rss / 2**20 - before
-        with connect_page(live, "experimenter") as way:
-            refused = json.loads(way.recv())["heard"].get("malformed", 0)
-            way.send('{"do":"abort"}')
+        with connect_page(live, "experimenter") as page:
+            refused = json.loads(page.recv())["heard"].get("malformed", 0)
+            page.send('{"do":"abort"}')
         finish_session(live)
         yield what, "memory that they took", "MiB", growth
         yield what, "positions refused", "1", refused
@@ -348,10 +349,10 @@ def run_random_session(
 def replay_sessions() -> Iterator[Row]:
     """Yield whether random sessions stay equal when replayed from their files."""
     what, ticks, anew, different = "100 random sessions, planned again", 0, 0, 0
-    with open_scene(parse_protocol(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
+    with open_scene(parse_protocol(REHEARSAL)) as scene, tempfile.TemporaryDirectory() as name:
         for seed in range(100):
-            record, plan = run_random_session(made, seed, Path(name))
-            replay = replan_session(record, made.scene, plan)
+            record, plan = run_random_session(scene, seed, Path(name))
+            replay = replan_session(record, scene.scene, plan)
             ticks, different = ticks + replay.ticks, different + replay.different
             anew += sum(row["verdict"] == "anew" for row in record.read_rows("tick"))
     yield what, "ticks", "1", ticks
@@ -375,15 +376,13 @@ def main() -> None:
     rows = [row for name in ([options.part] if options.part else parts) for row in parts[name]()]
     table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])
     print(table.to_string(index=False))
-    path = Path(__file__).with_name("stimulus.csv")
+    path = Path(__file__).with_suffix(".csv")
     if options.part and path.exists():  # rows of other parts stay
         before = pd.read_csv(path)
         table = pd.concat([before[~before["where"].isin(table["where"])], table])
     table.to_csv(path, index=False, float_format="%.4g")
-    print(
-        "wanted: planned ≤ 5 ms, drawn ≤ 33 ms (99 %), ticks ≤ 1 ms SD; 60 frames/s, none dropped"
-    )
-    print(f"{os.cpu_count()} cores, software WebGL")
+    wanted = "planned ≤ 5 ms, drawn ≤ 33 ms (99 %), ticks ≤ 1 ms SD; 60 frames/s, none dropped"
+    print(f"wanted: {wanted}\n{os.cpu_count()} cores, software WebGL")
 
 
 if __name__ == "__main__":

@@ -70,36 +70,34 @@ def film_rows(film_name: str) -> list[dict[str, object]]:
     p = replace_settings(settings_without_path(), seconds=SECONDS, trials=0, follow_pairs=[])
     tables: dict[str, list[pd.DataFrame]] = {}
     with Project() as project:
-        made = matching_data(project, p)
-        features = project.features
-        own = rows_of_first_film(features, project.data / "clip")
+        film_data, features = matching_data(project, p), project.features
+        rows = rows_of_first_film(features, project.data / "clip")
         horizon = load_settings("calibrate").horizon
-        film = build_film_group(own, project.arena, infer_delta_frames(features), horizon)
+        film = build_film_group(rows, project.arena, infer_delta_frames(features), horizon)
         fish = min(film.typical_fish_count, MOST_FISH)
         tables["first_half"] = [film.half_measures(True)]
-        for name, table in (
-            *simulated_points(film, project.school_rule.zones),
-            *couzinswarm_points(film),
-        ):
+        for name, table in simulated_points(film, project.school_rule.zones):
             tables.setdefault(name, []).append(table)
-        for rule in ("zones", "none"):
+        for name, table in couzinswarm_points(film):
+            tables[name] = [table]
+        for rule, name in (("zones", f"{MODE}_zones"), ("none", f"{MODE}_alone")):
             for seed in range(SEEDS):
                 # At most one goal per fish: afterwards it wanders.
-                own = replace_settings(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
-                plans = matching_animator(made, own)
-                edit = plans.plan(plans.goals())[1]
-                where = edit[["x_px", "y_px"]].to_numpy(float)
-                heading = edit["heading_deg"].to_numpy(float)
-                frame = edit["tick"].to_numpy()
-                name = f"{MODE}_{'zones' if rule == 'zones' else 'alone'}"
-                tables.setdefault(name, []).append(measure_group(frame, where, heading, film.walls))
+                q = replace_settings(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
+                animator = matching_animator(film_data, q)
+                edit = animator.plan(animator.goals())[1]
+                places, headings = edit[["x_px", "y_px"]].to_numpy(float), edit["heading_deg"]
+                table = measure_group(
+                    edit["tick"].to_numpy(), places, headings.to_numpy(float), film.walls
+                )
+                tables.setdefault(name, []).append(table)
     films = {"film": film.table, "second_half": film.half_measures(False)}
-    rows = [
-        compare_groups(films, {name: one}).assign(run=run)
-        for name, lot in tables.items()
-        for run, one in enumerate(lot)
+    comparisons = [
+        compare_groups(films, {name: table}).assign(run=run)
+        for name, runs in tables.items()
+        for run, table in enumerate(runs)
     ]
-    return pd.concat(rows).assign(film=film_name).to_dict("records")
+    return pd.concat(comparisons).assign(film=film_name).to_dict("records")
 
 
 def main() -> None:

@@ -163,7 +163,7 @@ def test_rows_are_kept_beside_those_of_other_films(tmp_path, monkeypatch):
     monkeypatch.setattr(identities, "TABLE", tmp_path / "table.csv")
     row = {"film": "A", "program": "its", "settings": "", "time_s": 1.234, "processor_s": np.nan}
     for changes in ({}, {"film": "B"}, {"time_s": 5.678}):
-        identities.keep(pd.DataFrame([row | changes]))
+        identities.keep_rows(pd.DataFrame([row | changes]))
     lines = (tmp_path / "table.csv").read_text().splitlines()
     assert lines[1:] == ["A,its,,5.68,", "B,its,,1.23,"]
 

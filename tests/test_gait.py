@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from finloop.gait.model import (
     Gait,
     HalfCycleLayout,
     contours_at_phases,
-    contours_of_cycle,
     four_key_frames,
     gait_to_record,
     interpolate_contours,
@@ -79,7 +79,7 @@ def test_the_cycle_goes_through_its_keys_and_its_second_half_repeats_the_first(g
     for name in LIMBS:
         for k in range(5):
             np.testing.assert_allclose(frames[name][k], keys[k % 4][name], atol=1e-12)
-    whole = contours_of_cycle(ONE, TWO, gait, 20)
+    whole = contours_at_phases(ONE, TWO, gait, np.arange(20) / 20)
     for name in LIMBS:
         other = whole[opposite_limb(name, LIMBS)][:10]
         expected = other if gait.symmetry == "swap" else mirror_contours(other)
@@ -106,13 +106,12 @@ def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
 
 
 def test_few_control_points_make_smoother_contours_and_all_change_nothing():
-    full, every, few = (
-        contours_of_cycle(ONE, TWO, WALK, 8, control=control)["body"] for control in (None, 32, 4)
-    )
+    cycle = partial(contours_at_phases, ONE, TWO, WALK, np.arange(8) / 8)
+    full, every, few = (cycle(control=control)["body"] for control in (None, 32, 4))
     np.testing.assert_allclose(every, full, atol=1e-12)
     assert np.abs(DESCRIPTOR.coefficients(few)[:, 4:]).max() < 1e-12
     np.testing.assert_allclose(few.mean(axis=1), full.mean(axis=1), atol=1e-12)
-    open_ones = contours_of_cycle(ONE, TWO, WALK, 8, control=4, closed={"body": False})["body"]
+    open_ones = cycle(control=4, closed={"body": False})["body"]
     assert np.abs(open_ones[:, 0] - open_ones[:, -1]).max() > 0.1  # its ends do not meet
 
 
@@ -155,14 +154,13 @@ def test_keys_that_do_not_belong_together_are_refused(change, said):
 
 
 def test_numbers_out_of_range_are_refused():
-    for said, gait, frames, control in (
-        ("3 frames", WALK, 3, None),
-        (r"split of 0\.6", replace(WALK, split=0.6), 8, None),
-        ("'turn'", replace(WALK, symmetry="turn"), 8, None),
-        ("64 control points", WALK, 8, 64),
+    for said, gait, control in (
+        (r"split of 0\.6", replace(WALK, split=0.6), None),
+        ("'turn'", replace(WALK, symmetry="turn"), None),
+        ("64 control points", WALK, 64),
     ):
         with pytest.raises(FinloopError, match=said):
-            contours_of_cycle(ONE, TWO, gait, frames, control=control)
+            contours_at_phases(ONE, TWO, gait, np.arange(8) / 8, control=control)
 
 
 @pytest.mark.parametrize(

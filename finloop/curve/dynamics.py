@@ -212,21 +212,17 @@ def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = 
     formulas neither cancel nor overflow near double roots, where swinging becomes creeping.
     """
     t = np.asarray(times, np.float64)[:, None]
-    k = oscillators.stiffness
-    if oscillators.density == 0:  # one root, −k / c: the place creeps, and the first speed is lost
-        rate = k / oscillators.damping
-        decay = np.exp(-rate * t)
-        zeros = np.zeros_like(decay)
-        of_force = t * _mean_of_decay(rate * t) / oscillators.damping
-        return Response(decay, zeros, of_force, -rate * decay, zeros, decay / oscillators.damping)
+    density, k = oscillators.density, oscillators.stiffness
+    if density == 0:
+        return _massless_response(oscillators, t)
     # The roots are r = −γ ± √(γ² − k / ρ). Real ones creep; `slow` is the one nearer to 0, as
     # (k / ρ) / (γ + √…), which does not cancel. Complex ones decay by γ and swing.
-    gamma, square = oscillators.damping / (2 * oscillators.density), k / oscillators.density
+    gamma, square = oscillators.damping / (2 * density), k / density
     discriminant = gamma**2 - square
     root, creeps = np.sqrt(np.abs(discriminant)), discriminant >= 0
     slow = np.where(creeps, square / np.where(creeps & (gamma + root > 0), gamma + root, 1), gamma)
-    # `cosine` is e^(−γt) cos ωt and `of_speed` e^(−γt) sin(ωt) / ω with ω = `root`; of real roots,
-    # cosh and sinh.
+    # `cosine` is e^(−γt) cos ωt and `of_speed` e^(−γt) sin(ωt) / ω with ω = `root`; where the roots
+    # are real, with cosh and sinh in place of cos and sin.
     cosine = np.exp(-slow * t)
     of_speed = cosine * t
     root_distance, angle = 2 * root[creeps] * t, root[~creeps] * t
@@ -238,13 +234,25 @@ def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = 
     of_force = np.zeros_like(of_place)
     if forced:
         unscaled = _force_response(2 * gamma * t, square * t**2, slow * t, of_place)
-        of_force = t**2 * unscaled / oscillators.density
+        of_force = t**2 * unscaled / density
     return Response(
         of_place, of_speed, of_force,
         of_place_rate=-square * of_speed,
         of_speed_rate=cosine - gamma * of_speed,
-        of_force_rate=of_speed / oscillators.density,
+        of_force_rate=of_speed / density,
     )  # fmt: skip
+
+
+def _massless_response(oscillators: Oscillators, t: Floats) -> Response:
+    """Return the factors (t, m) of oscillators without mass at times t (t, 1).
+
+    There is one root, −k / c: the place creeps, and the first speed has no effect.
+    """
+    rate = oscillators.stiffness / oscillators.damping
+    decay = np.exp(-rate * t)
+    zeros = np.zeros_like(decay)
+    of_force = t * _mean_of_decay(rate * t) / oscillators.damping
+    return Response(decay, zeros, of_force, -rate * decay, zeros, decay / oscillators.damping)
 
 
 def _mean_of_decay(x: Floats) -> Floats:

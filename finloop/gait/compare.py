@@ -20,6 +20,7 @@ from finloop.gait.fit import (
     LEAST_MOTION,
     GaitContours,
     Subcycle,
+    SubcycleKey,
     check_phases,
     fit_all_gammas,
     fit_key_frames,
@@ -125,12 +126,11 @@ def _held_out_errors(
     one_gamma = fit_all_gammas(subcycles, per_scale=False, least_motion=least_motion)
     scale_gammas = fit_all_gammas(subcycles, per_scale=True, least_motion=least_motion)
     held_out = sort_into_subcycles(_select_frames(film, mask), split, descriptor)
-    for (name, number), model in subcycles.items():
-        samples = held_out[name][number]
-        tau, coefficients = samples.tau, samples.coefficients
+    for (name, letter), model in subcycles.items():
+        tau, coefficients = held_out[name, letter].tau, held_out[name, letter].coefficients
         if not len(tau):
             continue
-        point_count, letter = len(model.end), "AB"[number]
+        point_count = len(model.end)
         gammas = descriptor.spread_gammas(scale_gammas[name][letter], point_count)
         start_share = _fit_free_clock(model, tau)[:, None, None]  # no γ can do better
         predictions = {
@@ -177,17 +177,17 @@ def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
 
 
 def _errors_by_scale(
-    film: GaitContours, table: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
+    film: GaitContours, table: pd.DataFrame, subcycles: dict[SubcycleKey, Subcycle]
 ) -> pd.DataFrame:
     """Return the table `ClockComparison.by_scale`: errors with and without γ by wavelet scale.
 
     table: columns of _KEYS, `frames`, and by clock the squared error summed over them, divided by
-    the number of points. subcycles: those fitted to all frames, by contour id and 0 for A, 1 for B.
+    the number of points. subcycles: those fitted to all frames.
     """
     gammas, energy_shares, counts = [], [], []
     least_motion = LEAST_MOTION * film.body_length
     for name, letter, number in table[_KEYS].itertuples(index=False):
-        model = subcycles[name, "AB".index(letter)]
+        model = subcycles[name, letter]
         change, scale = model.start - model.end, model.scales[number]
         gammas.append(model.fit_gammas(per_scale=True, least_motion=least_motion)[number])
         energy = max((change**2).sum(), 1e-300)  # never divide by 0

@@ -6,12 +6,12 @@ a subcycle, see `gait.model`. The inner products run over the coefficients of on
 scales together, each weighted by its energy.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from finloop.base.arrays import Ints, Mask, Points
+from finloop.base.arrays import Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.gait.model import (
     POOLED,
@@ -19,8 +19,8 @@ from finloop.gait.model import (
     Gait,
     HalfCycleLayout,
     Symmetry,
+    contours_at_phases,
     contours_half_cycle_later,
-    contours_of_cycle,
     gamma_fraction,
     gamma_from_fractions,
     locate_in_subcycle,
@@ -32,6 +32,8 @@ WIDEST = 0.125
 """Cycles: largest distance in phase of a frame that stands in for a key, or one frame if longer."""
 Gammas = dict[str, dict[str, tuple[float, ...]]]
 """Gait parameters γ by contour id, then by "A" and "B": one per wavelet scale, or one for all."""
+SubcycleKey = tuple[str, str]
+"""A subcycle of a contour: its id, and "A" or "B"."""
 LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
 """Rounds of `fit_key_frames`. They bring γ of the drawn dog within 6 % at any frame rate, from
@@ -190,19 +192,17 @@ def _weights_near_key(distance: Points, shown: Mask, width: float) -> Points:
 class SubcycleFrames:
     """The s frames of a film that show one contour in one subcycle, between two key frames.
 
-    tau (s,): shares 0-1 of the subcycle; coefficients (s, n, 2): of the contour; frame (s,):
-    numbers of the frames in the film.
+    tau (s,): shares 0-1 of the subcycle; coefficients (s, n, 2): of the contour.
     """
 
     tau: Points
     coefficients: Points
-    frame: Ints
 
 
 def sort_into_subcycles(
     film: GaitContours, split: float, descriptor: Descriptor
-) -> dict[str, list[SubcycleFrames]]:
-    """Return a film's frames by contour id: a list of those in subcycle A and those in B.
+) -> dict[SubcycleKey, SubcycleFrames]:
+    """Return a film's frames, sorted by contour and by subcycle, A or B.
 
     A lies between keys 1 and 2, B between 2 and 1'. Frames in C and D, the second half of the
     cycle, count in A and B with the symmetric pose. split: phase of key 2, in cycles; descriptor:
@@ -211,16 +211,15 @@ def sort_into_subcycles(
     later = film.contours_half_cycle_later(film.contours)
     in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
     subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
-    frames_by_contour = dict[str, list[SubcycleFrames]]()
+    samples = dict[SubcycleKey, SubcycleFrames]()
     for name, points in film.contours.items():
         poses = np.where(in_second_half, later[name], points)
         shown = np.isfinite(poses).all(axis=(1, 2))
-        frames_by_contour[name] = []
-        for number in range(2):
-            frame = np.flatnonzero(shown & (subcycle == number))
-            coefficients = descriptor.coefficients(poses[frame])
-            frames_by_contour[name].append(SubcycleFrames(tau[frame], coefficients, frame))
-    return frames_by_contour
+        for number, letter in enumerate("AB"):
+            frames = shown & (subcycle == number)
+            coefficients = descriptor.coefficients(poses[frames])
+            samples[name, letter] = SubcycleFrames(tau[frames], coefficients)
+    return samples
 
 
 @dataclass(frozen=True)
@@ -285,26 +284,22 @@ def _evaluate_two_cubics(tau: Points) -> Points:
 
 
 def build_subcycles(
-    keys: KeyFrames, samples: Mapping[str, list[SubcycleFrames]], descriptor: Descriptor
-) -> dict[tuple[str, int], Subcycle]:
-    """Return the subcycles A and B of each contour, by contour id and number (0 for A, 1 for B).
+    keys: KeyFrames, samples: Mapping[SubcycleKey, SubcycleFrames], descriptor: Descriptor
+) -> dict[SubcycleKey, Subcycle]:
+    """Return the subcycles A and B of each contour, between its key frames.
 
     samples: from `sort_into_subcycles`; descriptor: how contours become coefficients.
     """
+    ends = {"A": (keys.first, keys.second), "B": (keys.second, keys.first_later)}
     subcycles = {}
-    for name, (frames_a, frames_b) in samples.items():
-        key_1, key_2, key_1_later = (
-            descriptor.coefficients(key[name])
-            for key in (keys.first, keys.second, keys.first_later)
-        )
-        scales = descriptor.scales(len(key_1))
-        subcycles[name, 0] = Subcycle(frames_a, start=key_1, end=key_2, scales=scales)
-        subcycles[name, 1] = Subcycle(frames_b, start=key_2, end=key_1_later, scales=scales)
+    for (name, letter), frames in samples.items():
+        start, end = (descriptor.coefficients(key[name]) for key in ends[letter])
+        subcycles[name, letter] = Subcycle(frames, start, end, descriptor.scales(len(start)))
     return subcycles
 
 
 def fit_all_gammas(
-    subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, least_motion: float
+    subcycles: Mapping[SubcycleKey, Subcycle], per_scale: bool, least_motion: float
 ) -> Gammas:
     """Return the fitted gait parameters γ by id, then by "A" and "B": one per scale or one for all.
 
@@ -312,15 +307,15 @@ def fit_all_gammas(
     the contours.
     """
     gammas: Gammas = {}
-    for (name, number), subcycle in subcycles.items():
-        gammas.setdefault(name, {})["AB"[number]] = subcycle.fit_gammas(per_scale, least_motion)
+    for (name, letter), subcycle in subcycles.items():
+        gammas.setdefault(name, {})[letter] = subcycle.fit_gammas(per_scale, least_motion)
     return gammas
 
 
 def fit_key_frames(
     film: GaitContours, split: float, descriptor: Descriptor
-) -> tuple[KeyFrames, dict[tuple[str, int], Subcycle]]:
-    """Return a film's key frames, and the subcycles between them by (id, 0 for A or 1 for B).
+) -> tuple[KeyFrames, dict[SubcycleKey, Subcycle]]:
+    """Return a film's key frames, and the subcycles between them.
 
     Linear interpolation of the keys (`interpolate_key_frames`) flattens the curved motion between
     film frames. A smooth model of the film, a cubic for each coefficient of each subcycle, shows by
@@ -346,16 +341,13 @@ def fit_key_frames(
     return keys, subcycles
 
 
-def _refuse_few_frames(samples: Mapping[str, Sequence[SubcycleFrames]]) -> None:
-    """Raise FinloopError if fewer than LEAST frames between two keys show a contour.
-
-    samples: as from `sort_into_subcycles`.
-    """
-    few = []
-    for name, frames_of_a_and_b in samples.items():
-        for letter, frames in zip("AB", frames_of_a_and_b, strict=True):
-            if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST:
-                few.append(f"{name!r} in {letter}")
+def _refuse_few_frames(samples: Mapping[SubcycleKey, SubcycleFrames]) -> None:
+    """Raise FinloopError if fewer than LEAST frames between two keys show a contour."""
+    few = [
+        f"{name!r} in {letter}"
+        for (name, letter), frames in samples.items()
+        if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST  # a frame at a key is not
+    ]
     if few:
         raise FinloopError(
             f"fewer than {LEAST} frames between the keys show {', '.join(few)}",
@@ -366,23 +358,23 @@ def _refuse_few_frames(samples: Mapping[str, Sequence[SubcycleFrames]]) -> None:
 
 def _fit_smooth_contours(
     film: GaitContours,
-    subcycles: Mapping[tuple[str, int], Subcycle],
+    subcycles: Mapping[SubcycleKey, Subcycle],
     split: float,
     descriptor: Descriptor,
 ) -> dict[str, Points]:
     """Return the film's contours smoothed in time, each coefficient a cubic between the key frames.
 
-    The cubics go through the key frames. NaN stays NaN. subcycles: by contour id, and 0 for A, 1
-    for B; split: phase of key 2, in cycles; descriptor: how contours become coefficients.
+    The cubics go through the key frames. NaN stays NaN. split: phase of key 2, in cycles;
+    descriptor: how contours become coefficients.
     """
     # First the pose of every frame half a cycle earlier, if need be: in A or B.
     subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
     first_half = dict[str, Points]()
     for name, points in film.contours.items():
         first_half[name] = np.empty_like(points)
-        for number in range(2):
+        for number, letter in enumerate("AB"):
             frames = subcycle == number
-            coefficients = subcycles[name, number].smooth(tau[frames])
+            coefficients = subcycles[name, letter].smooth(tau[frames])
             first_half[name][frames] = descriptor.contours(coefficients, points.shape[1])
     later = film.contours_half_cycle_later(first_half)
     in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
@@ -415,8 +407,8 @@ def fit_gait(
     keys, subcycles = fit_key_frames(film, split, Descriptor(wavelet, coarse))
     gamma = fit_all_gammas(subcycles, per_scale, LEAST_MOTION * film.body_length)
     gamma[POOLED] = {}
-    for number, letter in enumerate("AB"):
-        fractions = [subcycles[limb, number].gamma_fraction() for limb in film.contours]
+    for letter in "AB":
+        fractions = [subcycles[limb, letter].gamma_fraction() for limb in film.contours]
         gamma[POOLED][letter] = (gamma_from_fractions(fractions),)
     gait = Gait(
         name=name,
@@ -442,14 +434,13 @@ def _ground_contact_phases(
     A foot is down from its foremost to its hindmost place; the animal heads for screen right. Only
     contours with "left" or "right" in their id have a foot: the point that is lowest on average.
     """
-    frames = 240  # of a cycle: phases are exact to 0.004
+    phases = np.arange(240) / 240
     spans = dict[str, tuple[tuple[float, float], ...]]()
     layout = HalfCycleLayout(offsets=film.offsets)
-    for name, points in contours_of_cycle(keys.first, keys.second, gait, frames, layout).items():
+    for name, points in contours_at_phases(keys.first, keys.second, gait, phases, layout).items():
         if "left" in name or "right" in name:
             lowest = int(points[..., 1].mean(axis=0).argmax())  # y points down
             foot_x = points[:, lowest, 0]
-            start = int(foot_x.argmax()) / frames
-            stop = int(foot_x.argmin()) / frames
+            start, stop = float(phases[foot_x.argmax()]), float(phases[foot_x.argmin()])
             spans[name] = ((start, stop if stop > start else stop + 1.0),)
     return spans

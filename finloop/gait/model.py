@@ -408,28 +408,6 @@ def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
 # --- the cycle
 
 
-def contours_of_cycle(
-    key1: Mapping[str, Points],
-    key2: Mapping[str, Points],
-    gait: Gait,
-    frames: int,
-    layout: HalfCycleLayout = HalfCycleLayout(),
-    **options: Any,
-) -> dict[str, Points]:
-    """Return the contours of a whole gait cycle, (frames, n, 2) by id (Figs. 12–14).
-
-    key1, key2: key frames, contours (n, 2) by id. Frame k is at phase k / frames, so the first
-    frame follows the last. layout: where the second half of the cycle is placed. options: `closed`
-    and `control` of `contours_at_phases`. FinloopError if the keys do not match, if numbers of
-    points are not powers of two where they must be, or if `frames` is below 4.
-    """
-    if frames < 4:
-        raise FinloopError(
-            f"a cycle of {frames} frames", "at least 4 frames", "set 24 frames or more"
-        )
-    return contours_at_phases(key1, key2, gait, np.arange(frames) / frames, layout, **options)
-
-
 def contours_at_phases(
     key1: Mapping[str, Points],
     key2: Mapping[str, Points],
@@ -440,12 +418,12 @@ def contours_at_phases(
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
 ) -> dict[str, Points]:
-    """Return contours (frames, n, 2), by id, at phases (frames,) of a gait, in cycles.
+    """Return contours (frames, n, 2), by id, at phases (frames,) of a gait cycle (Figs. 12–14).
 
     key1, key2: key frames, contours (n, 2) by id; layout: where the second half of the cycle is
-    placed; closed: by id, True if absent; control: control points of each contour (Fig. 14), a
-    power of two, None = all. FinloopError if the keys do not match, or if γ per scale or control
-    points meet contours whose number of points is no power of two.
+    placed; closed: by id, True if absent; control: to how many control points each contour is
+    reduced, a power of two, None = not. FinloopError if the keys do not match, or the number of
+    points is no power of two although there is a `control` or γ is per scale.
     """
     keys = four_key_frames(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)

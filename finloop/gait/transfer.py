@@ -26,7 +26,7 @@ from finloop.gait.model import (
     Gait,
     HalfCycleLayout,
     Symmetry,
-    contours_of_cycle,
+    contours_at_phases,
     opposite_limb,
     reversed_order,
 )
@@ -84,8 +84,9 @@ def animate_drawing(
     else:
         orders = mirrored_point_orders(*keys, closed)
         layout = HalfCycleLayout(middle=key1.height / 2, orders=orders)
-    layers = contours_of_cycle(
-        *keys, add_pooled_gamma(gait), frames, layout, closed=closed, control=control
+    phases = np.arange(frames) / frames
+    layers = contours_at_phases(
+        *keys, add_pooled_gamma(gait), phases, layout, closed=closed, control=control
     )
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}

@@ -132,9 +132,9 @@ def build_morph(
 def _morph_contour(
     name: str, a: Curve, b: Curve, side: float, morph_pair: Callable[[Curve, Curve], Points]
 ) -> Points:
-    """Return the frames (frames, points, 2) of one pair of contours a, b, made by `morph_pair`.
+    """Return the frames (frames, points, 2) that `morph_pair` makes of contours a and b.
 
-    name: of the contour, for error messages; side: longer side of the picture. FinloopError if
+    name: of both, for error messages; side: longer side of the picture. FinloopError if
     `morph_pair` raises it, or a frame reaches farther than REACH sides.
     """
     try:

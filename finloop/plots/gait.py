@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Points
 from finloop.base.stretches import spread_rows
-from finloop.gait.fit import GaitContours, KeyFrames, Subcycle
+from finloop.gait.fit import GaitContours, KeyFrames, Subcycle, SubcycleKey
 from finloop.gait.model import (
     Gait,
     HalfCycleLayout,
@@ -31,13 +31,13 @@ Pose = Mapping[str, Points]
 
 
 def draw_gait_figures(
-    film: GaitContours, gait: Gait, keys: KeyFrames, subcycles: Mapping[tuple[str, int], Subcycle],
+    film: GaitContours, gait: Gait, keys: KeyFrames, subcycles: Mapping[SubcycleKey, Subcycle],
     pictures: tuple[Sequence[NDArray[np.uint8]], Points] | None = None,
 ) -> Iterator[tuple[str, Figure]]:  # fmt: skip
     """Yield Figs. 8 to 14 of the curve paper, each with its name, "fig8" to "fig14".
 
-    film: contours with their phases. subcycles: by name of the contour and 0 for A, 1 for B.
-    pictures: frames of the film with their phases; None = Fig. 8 shows contours.
+    film: contours with their phases. pictures: frames of the film with their phases; None = Fig. 8
+    shows contours.
     """
     yield "fig8", _figure8(*pictures) if pictures else _figure8_contours(film)
     yield "fig9", _figure9(gait, keys, film)
@@ -160,11 +160,11 @@ def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
     return figure
 
 
-def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
+def _figure11(subcycles: Mapping[SubcycleKey, Subcycle]) -> Figure:
     """Draw Fig. 11: the share f(τ) of the change between two keys that remains, and its fit by γ.
 
     τ: time from key to key, 0 … 1. Frames of subcycle A are 'o', of B 'x'; f of a frame is found by
-    least squares over the contour. subcycles: by name of the contour and 0 for A, 1 for B.
+    least squares over the contour.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     columns = min(4, len(names))
@@ -176,8 +176,8 @@ def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
         ax.axis("off")
     for ax, name in zip(axes, names, strict=False):
         ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
-        for number, (letter, mark, ink) in enumerate(zip("AB", "ox", INKS, strict=False)):
-            subcycle = subcycles[name, number]
+        for letter, mark, ink in zip("AB", "ox", INKS, strict=False):
+            subcycle = subcycles[name, letter]
             # Least squares: each frame, a sample, = end + f · (start − end).
             change = (subcycle.start - subcycle.end).ravel()
             samples = subcycle.samples

@@ -278,10 +278,11 @@ class Swimmer:
     def _begin_at_random(
         self, others: Sequence["Swimmer"], may_turn: bool, wall_distance: float
     ) -> None:
-        """Begin a random kind of motion.
+        """Begin a random kind of motion: cruising where another kind is drawn but not possible.
 
-        others: the other fish; may_turn: whether a turn may begin; wall_distance: straight on, body
-        lengths.
+        A glide does not follow a glide; a turn needs open water; a burst needs 2.5 body lengths up
+        to the wall. others: the other fish; may_turn: whether a turn may begin; wall_distance:
+        straight on, body lengths.
         """
         chance = float(self.rng.random())
         if self.mode != "glide" and chance < 0.35:
@@ -321,7 +322,7 @@ class Swimmer:
         self._move_fins(dt)
 
     def _turn(self, dt: float, is_late: bool) -> None:
-        """Bend the body, turn its axis in `dt` s, and name the swimming type that an eye sees.
+        """Bend the body, turn its axis in `dt` s, and set the swimming type that an eye would see.
 
         is_late: whether the fish is in the last part of a turn.
         """

@@ -73,13 +73,12 @@ def _clouds(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Gen
     for size in sizes:
         # A coarse grid scaled up looks like a wide blur, and is much faster.
         step = max(1, int(size / 2))
-        coarse = (shape[0] // step + 3, shape[1] // step + 3)
-        noise = rng.standard_normal(coarse, np.float32)
+        rows, columns = shape[0] // step + 3, shape[1] // step + 3
+        noise = rng.standard_normal((rows, columns), np.float32)
         blurred = cv2.GaussianBlur(noise, (0, 0), max(size / step, 0.4))
-        whole = (coarse[1] * step, coarse[0] * step)
-        noise = np.asarray(cv2.resize(blurred, whole, interpolation=cv2.INTER_CUBIC), np.float32)
-        noise = noise[: shape[0], : shape[1]]
-        total += noise / noise.std()
+        wide = cv2.resize(blurred, (columns * step, rows * step), interpolation=cv2.INTER_CUBIC)
+        cloud = np.asarray(wide, np.float32)[: shape[0], : shape[1]]
+        total += cloud / cloud.std()
     total -= total.mean()
     return np.asarray(total / total.std(), np.float32)
 
@@ -124,8 +123,8 @@ class _BodyPlaces(NamedTuple):
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
     """Return pictures of the skin and of a paired fin of one carp, painted with random spots.
 
-    columns: width of the skin picture, px; coat: number of the colouring in _COATS, from 0; after
-    the last one they begin again. rng: source of chance.
+    columns: width of the skin picture, px; coat: number of the colouring; those of _COATS repeat in
+    turn. rng: source of chance.
     """
     back, flank, dark, _ = _COATS[coat % len(_COATS)]
     length_px = SKIN_PER_LENGTH  # it is painted at this size, and then scaled
@@ -139,7 +138,7 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     _shade_head(skin, places, rng)
     _shade_back(skin, places)
     skin = _paint_eyes(skin, places)
-    # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
+    # Caudal fin on edge: dark membrane, rays along it, clearer towards its end.
     blade = _ramp(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
     tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
     skin = _tint(skin, tone, blade * 0.75)
@@ -157,7 +156,7 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
 def _paint_patches(places: _BodyPlaces, coat: int, rng: np.random.Generator) -> Image:
     """Return a skin (rows, columns, 3) of back and flanks, with sharp koi-like patches.
 
-    The coloured patches are fewer on the head. coat: number of the colouring in _COATS.
+    The coloured patches are fewer on the head. coat: number of the colouring, as in `paint_fish`.
     """
     back, flank, dark, patch = _COATS[coat % len(_COATS)]
     s, v, r = places
