@@ -166,9 +166,7 @@ def test_what_is_seen_is_what_no_posture_explains(rng):
 
 def test_no_more_is_drawn_than_the_best_of_every_row_need(rng):
     pictures = rng.integers(0, 256, (40, 12, 12, 2)).astype(np.uint8)
-    postures = np.concatenate(
-        [np.tile([0.5, 0.0], (40, 1)), np.zeros((40, 4)), np.full((40, 4), 0.25)], 1
-    )
+    postures = np.tile([0.5, *[0.0] * 5, *[0.25] * 4], (40, 1))
     seen = VisibleDistance(pictures, postures, 3.0)
     far = np.sort(rng.uniform(1, 30, (8, 20)), axis=1)
     near = pd.DataFrame({"row": np.repeat(np.arange(8), 20), "to": rng.integers(0, 40, 160)})
@@ -187,16 +185,11 @@ def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):
     noise = rng.normal(0, 100, (2, n, 4))
     made = SignatureParts(sides, sides, sides, noise)
     ends = np.arange(n - 1), np.arange(1, n)
-    values = compute_signatures(made, ends, settings("jumps", appearance_weight=0.0))
+    p = settings("jumps", appearance_weight=0.0)
+    values = compute_signatures(made, ends, p)
     assert np.median(np.linalg.norm(np.diff(values[0], axis=0), axis=1)) == pytest.approx(1)
-    louder = compute_signatures(
-        made._replace(look=7 * noise), ends, settings("jumps", appearance_weight=0.0)
-    )
-    assert louder == pytest.approx(values)
-    scaled = compute_signatures(
-        made._replace(pose=9 * sides), ends, settings("jumps", appearance_weight=0.0)
-    )
-    assert scaled == pytest.approx(values)
+    for other in (made._replace(look=7 * noise), made._replace(pose=9 * sides)):
+        assert compute_signatures(other, ends, p) == pytest.approx(values)
 
 
 def test_sides_that_are_alike_are_near_and_others_far(rng):
@@ -235,9 +228,8 @@ def both_sides():
     """A film of two circles and a line, which can go on anywhere as its mirror image."""
     table = table_of(*(arc_track([rate] * 149) for rate in (0.0, 3.0, -5.0)))
     n, rows = len(table), np.arange(10, 440, 10)
-    jumps = pd.DataFrame(
-        {"row": rows, "to": (rows + 37) % 430, "mirrored": rows % 20 == 0, "seam": 0.5}
-    )
+    ends = {"row": rows, "to": (rows + 37) % 430}
+    jumps = pd.DataFrame({**ends, "mirrored": rows % 20 == 0, "seam": 0.5})
     ways = neighbour_jumps(jumps, n)
     motion = film_world_of().motion
     return (table, jumps, motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n)))
@@ -262,9 +254,8 @@ def test_without_mirror_images_the_film_is_no_longer():
     table, jumps, _ = both_sides()
     ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
     assert len(ways.jump_slot) == len(table)
-    made = motion_graph(
-        table, ways, film_world_of().motion, BODY, np.zeros(len(table), bool), np.zeros(len(table))
-    )
+    none = np.zeros(len(table))
+    made = motion_graph(table, ways, film_world_of().motion, BODY, none.astype(bool), none)
     assert made.filmed_count == len(made.rows)
 
 

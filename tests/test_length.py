@@ -71,7 +71,7 @@ def following_crop(count: int) -> list[np.ndarray]:
 @pytest.mark.parametrize("draw", [worm_in_its_place, dark_ground, flicker, following_crop])
 def test_a_frame_more_changes_no_other(tmp_path: Path, draw):
     rows, mended, looks = [], [], []
-    for count in (60, 61):
+    for count in (45, 46):
         folder = tmp_path / str(count)
         clip, tracks = folder / "clip", folder / "tracks"
         clip.mkdir(parents=True)
@@ -82,14 +82,13 @@ def test_a_frame_more_changes_no_other(tmp_path: Path, draw):
         write_frames(film, frames)
         p = settings("clip", source="file", path=str(folder / "film.mp4"))
         mended.append(make_clip(p, open_clip_source(p), clip).mended)
-        looks.append(
-            np.array([*read_chosen_frames(clip / CLIP_NAME, [*range(0, 60, 10)], colour=False)])
-        )
+        some = read_chosen_frames(clip / CLIP_NAME, [*range(0, 45, 10)], colour=False)
+        looks.append(np.array([*some]))
         rows.append(extract_tracks(clip, settings("extract"), tracks, ALONE).lengths.total())
     assert len(set(mended)) == 1
     assert max(np.abs(look - looks[0].astype(float)).mean() for look in looks) < 1
-    assert np.ptp(np.array(rows) - [60, 61]) <= 2, rows
-    assert min(rows) >= 54
+    assert np.ptp(np.array(rows) - [45, 46]) <= 2, rows
+    assert min(rows) >= 40
 
 
 def test_a_pale_ghost_of_one_side_is_no_part_of_the_tank():
