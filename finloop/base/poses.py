@@ -56,11 +56,9 @@ def poses_from_arrays(
 ) -> Poses:  # fmt: skip
     """Convert arrays with a cell for every animal and frame to `Poses`.
 
-    Animals are left out of the frames in which none of their points is known.
-
-    frame (times,): numbers of the frames, all different. places (times, individuals, keypoints, 2):
-    px, infinite or NaN where missing. confidence (times, individuals, keypoints): 0 … 1, None =
-    unknown.
+    Animals are left out of the frames in which none of their points is known. frame (times,):
+    numbers of the frames, all different. places (times, individuals, keypoints, 2): px, infinite or
+    NaN where missing. confidence (times, individuals, keypoints): 0 … 1, None = unknown.
     """
     by_frame = np.argsort(frame, kind="stable")
     frame, places = np.asarray(frame, np.int64)[by_frame], places[by_frame]

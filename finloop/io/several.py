@@ -110,7 +110,7 @@ def _place_parts(
         if not part.error:
             film = facts[part.name]
             shown = frames_at_rate(film.frames, film.frame_rate, rate)
-            # From frames of the film to their places among those that are shown, in the clip.
+            # A frame of the film becomes its place among the shown ones, counted on in the clip.
             placed = np.searchsorted(shown, np.array(film.segments)) + frames
             segments += [(int(first), int(stop)) for first, stop in placed if first < stop]
             part = part._replace(start=frames, stop=frames + len(shown))

@@ -248,8 +248,9 @@ class _AnimalTrack:
     ) -> None:
         """Add a sighting: time t [s] on the tracker's clock, place [px], heading [rad] if sent.
 
-        Without a heading, it is that of the motion, renewed every quarter of a body length.
-        arrived_s: session time. was_lost: whether the animal was lost before.
+        Where none is sent, the animal's heading is that of its motion, renewed each time it has
+        gone a quarter of a body length. arrived_s: session time. was_lost: whether it was lost
+        before.
         """
         if was_lost:
             self.heading_rad, self._heading_place, self._unbroken_since = None, place, t

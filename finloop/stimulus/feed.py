@@ -83,11 +83,9 @@ class Feed:
     ) -> list[bytes]:
         """Return the messages of one tick: pictures that the page lacks, then the fish's states.
 
-        The latter are kept for pages that connect within the next ticks.
-
-        seq: number of the message with the states. tick: number within the trial. due_s: session
-        time at which to show it. states: (fish, fields). replanned: whether states that were
-        sent for this tick and later ones are void.
+        The message with the states is kept for pages that connect within the next ticks; seq: its
+        number. tick: number within the trial. due_s: session time at which to show it. states:
+        (fish, fields). replanned: whether states sent before for this tick and later ones are void.
         """
         pictures = self.picture_messages(states)
         facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": replanned}
@@ -130,15 +128,7 @@ class Feed:
         return messages
 
     def _picture_message(self, number: int, slot: int) -> bytes:
-        """Return the message with the picture of a film row, for a slot of the page's memory.
-
-        `line` is where the fish is in it (`PicturePlacement`); payload: posture, float32; pixels.
-        """
+        """Return the message with the picture of a film row, for a slot of the page's memory."""
         picture = self._load_picture(number)
-        height, width = picture.pixels.shape[:2]
-        facts = {
-            "kind": "picture", "picture": number, "slot": slot, "width": width, "height": height,
-            "line": [float(value) for value in picture.placement],
-        }  # fmt: skip
-        payload = picture.posture.astype("<f4").tobytes() + picture.pixels.tobytes()
-        return pack_message(facts, payload)
+        facts = {"kind": "picture", "picture": number, "slot": slot} | picture.describe(number)
+        return pack_message(facts, picture.to_bytes())

@@ -57,13 +57,12 @@ def order_trials(protocol: Protocol) -> tuple[Trial, ...]:
     block_size = len(order) if protocol.order == "shuffled" else len(names)
     repeats, trials = dict.fromkeys(names, 0), []
     for index, name in enumerate(order):
-        repeats[name] = repeat = repeats[name] + 1
-        trial = Trial(
-            number=index + 1, block=index // block_size + 1, repeat=repeat, condition=name,
+        repeats[name] += 1
+        trials.append(Trial(
+            number=index + 1, block=index // block_size + 1, repeat=repeats[name], condition=name,
             seconds=protocol.conditions[name].seconds,
-            seed=derive_motion_seed(protocol, name, repeat),
-        )  # fmt: skip
-        trials.append(trial)
+            seed=derive_motion_seed(protocol, name, repeats[name]),
+        ))  # fmt: skip
     return tuple(trials)
 
 

@@ -63,21 +63,10 @@ def build_standalone_page(
         "typical": measure_typical_fish(pictures.values()) if pictures else None,
         "slot_width": max((size[1] for size in sizes), default=1),
         "slot_height": max((size[0] for size in sizes), default=1),
-        "pictures": [
-            {
-                "picture": number, "width": picture.pixels.shape[1],
-                "height": picture.pixels.shape[0],
-                "line": [float(value) for value in picture.placement],
-            }
-            for number, picture in pictures.items()
-        ],
+        "pictures": [picture.describe(number) for number, picture in pictures.items()],
     }  # fmt: skip
-    # After the facts: the floor, posture and pixels of each picture, and the motion.
-    arrays = [floor]
-    for picture in pictures.values():
-        arrays += [np.asarray(picture.posture, "<f4"), picture.pixels]
-    arrays.append(np.asarray(motion, "<f4"))
-    data = pack_message(facts, b"".join(array.tobytes() for array in arrays))
+    parts = [floor.tobytes(), *(picture.to_bytes() for picture in pictures.values())]
+    data = pack_message(facts, b"".join([*parts, np.asarray(motion, "<f4").tobytes()]))
     page = _read_page_file("alone.html").replace("/*title*/", html.escape(title))
     page = page.replace("/*script*/", join_scripts(*DRAWING, "alone.js"))
     page = page.replace("/*policy*/", make_content_policy(page, "img-src data:"))

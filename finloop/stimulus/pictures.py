@@ -36,6 +36,16 @@ class PagePicture(NamedTuple):
     placement: PicturePlacement
     posture: Floats
 
+    def describe(self, number: int) -> dict[str, Any]:
+        """Return number, size and placement (`line`) for JSON; number: the film row it shows."""
+        height, width = self.pixels.shape[:2]
+        line = [float(value) for value in self.placement]
+        return {"picture": number, "width": width, "height": height, "line": line}
+
+    def to_bytes(self) -> bytes:
+        """Return the posture, as float32, and then the pixels, as bytes for a page."""
+        return self.posture.astype("<f4").tobytes() + self.pixels.tobytes()
+
 
 def list_named_pictures(states: States) -> list[int]:
     """Return the film rows whose pictures states (…, fields) show, each once, ascending."""

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import starmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -86,18 +87,16 @@ def read_displayed_frames(record: SessionRecord) -> Iterator[DisplayedFrame]:
         states = states_of_frame.pop(number, [])
         return DisplayedFrame(number, shown_s, digest, np.stack(states) if states else _NO_FISH)
 
-    # The fish of a frame are in its own batch of rows or in the next one.
-    frames: list[tuple[int, float, int]] = []  # number, time and digest of the last batch's frames
+    # The fish of a frame are in its own batch of rows or in the next one: so frames wait for that.
+    waiting: list[tuple[int, float, int]] = []  # number, time and digest of the last batch's frames
     for batch in pq.ParquetFile(record.path).iter_batches(columns=columns):
         for number, state in _fish_states(batch):
             states_of_frame.setdefault(number, []).append(state)
-        for frame in frames:
-            yield complete_frame(*frame)
+        yield from starmap(complete_frame, waiting)
         rows = batch.filter(pc.equal(batch["kind"], "frame"))
         values = [rows[name].to_pylist() for name in ("number", "time_s", "digest")]
-        frames = list(zip(*values, strict=True))
-    for frame in frames:
-        yield complete_frame(*frame)
+        waiting = list(zip(*values, strict=True))
+    yield from starmap(complete_frame, waiting)
 
 
 def _fish_states(batch: pa.RecordBatch) -> Iterator[tuple[int, States]]:

@@ -123,7 +123,7 @@ def read_sleap_csv(path: Path) -> Poses:
     """Load poses from the CSV of SLEAP's analysis: a row for each animal in each frame.
 
     Columns are track, frame_idx, and for each node node.x, node.y, node.score. FinloopError if a
-    column is missing, or several animals of a frame have no track.
+    column is missing, or a track occurs twice in a frame; all animals without one are one track.
     """
     try:
         table = pd.read_csv(io.StringIO(read_plain_csv(path)))

@@ -52,12 +52,13 @@ def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | Non
             file.attrs["mm_per_px"] = mm_per_px
             in_mm = file.create_variable("position_mm", tuple(sizes), chunks=chunks, **kind)
             in_mm.attrs["units"] = "mm"
-        axes, chunks = ("time", "keypoints", "individuals"), (chunks[0], *chunks[2:])
-        confidence = file.create_variable("confidence", axes, chunks=chunks, **kind)
+        axes, without_space = ("time", "keypoints", "individuals"), (chunks[0], *chunks[2:])
+        confidence = file.create_variable("confidence", axes, chunks=without_space, **kind)
         # cells: (frames, individuals, keypoints, 3), x, y and confidence.
         for start, cells in iterate_blocks(poses):
             block = slice(start, start + len(cells))
-            position[block] = places = cells[..., :2].transpose(0, 3, 2, 1)
+            places = cells[..., :2].transpose(0, 3, 2, 1)
+            position[block] = places
             if mm_per_px is not None:
                 in_mm[block] = places * mm_per_px
             confidence[block] = cells[..., 2].transpose(0, 2, 1)

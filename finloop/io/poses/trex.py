@@ -99,8 +99,8 @@ def _read_scale(folder: Path) -> dict[str, np.ndarray]:
 def _to_points(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return frames (n,), and x, y of head and centre in them, (n, 2, 2), from a file's fields.
 
-    Places are in px, or in cm without a field `cm_per_pixel`; NaN if unknown. KeyError names a
-    missing field.
+    Frames that TRex marks as missing are left out. Places are in px, or in cm without a field
+    `cm_per_pixel`; NaN if unknown. KeyError names a missing field.
     """
     frame = fields["frame"].ravel().astype(int)
     cm_per_px = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
