@@ -617,6 +617,17 @@ def test_every_parameter_changes_the_model(workspace, override):
     assert content(workspace / "data/bpn") != once
 
 
+def test_the_seed_decides_the_split_and_the_first_weights(workspace):
+    models = []
+    for seed in (0, 1):
+        prepare(workspace, *SHORT, "bpn.learning_rate=1e-9", f"bpn.seed={seed}")
+        stages.bpn.main()
+        models.append(load_record(workspace / "data/bpn/model.json", restore_motion_model, "bpn"))
+    one, two = models
+    assert one.input_high[3] != two.input_high[3]  # from other rows
+    assert np.abs(one.hidden_weights - two.hidden_weights).max() > 0.1
+
+
 def test_the_metrics_of_either_split_and_those_that_a_film_cannot_have(workspace):
     by_blocks = metrics(workspace)
     prepare(workspace, *SHORT, "bpn.held_out_by=tracks")

@@ -24,16 +24,7 @@ from finloop.distance.map import STEPS, MapFacts
 from finloop.distance.picture import BODY, FILM, draw_centred_cutout, successive_distances
 from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES, find_orientations, wrap_deg
-from finloop.gateways.find import (
-    GATEWAYS,
-    IN,
-    OUT,
-    GatewaysSettings,
-    draw_sprites_and_next,
-    gateway_metrics,
-    list_gateways,
-    measure_sprite_distances,
-)
+from finloop.gateways import find
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
@@ -47,7 +38,7 @@ from finloop.sprites.orient import SPRITES, sprite_cutouts
 ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE, DELTA, LENGTH, SIZE, FRAMES = 20.0, 4, 60.0, 48, 60
-SETTINGS = GatewaysSettings(frames_per_sprite=12, sprites_per_frame=3, distance_threshold=1.2)
+SETTINGS = find.GatewaysSettings(frames_per_sprite=12, sprites_per_frame=3, distance_threshold=1.2)
 
 
 # -- a toy film -------------------------------------------------------------------------------------
@@ -132,7 +123,7 @@ class World:
                 writer.write(one)
         self.folder = folder
         with self.open() as (store, film):
-            self.near = measure_sprite_distances(
+            self.near = find.measure_sprite_distances(
                 self.reel(store, film), np.arange(len(features)), SIZE, pose
             )
             self.step = float(np.median(successive_distances(self.film(film))[: FRAMES - 1]))
@@ -155,7 +146,7 @@ class World:
 
     def table(self, **asked):
         settings = with_constants(SETTINGS, **asked)
-        return list_gateways(self.near, self.sprites, self.features, self.step, settings)
+        return find.list_gateways(self.near, self.sprites, self.features, self.step, settings)
 
     def ways(self, direction, **asked):
         table = self.table(**asked)
@@ -195,7 +186,7 @@ def film_world(tmp_path_factory, film):
 
 
 def test_a_sprite_leads_first_to_the_frame_that_came_after_it(world):
-    first = world.ways(IN)[lambda t: t["rank"] == 1]
+    first = world.ways(find.IN)[lambda t: t["rank"] == 1]
     assert list(first["row"]) == [row + 1 for row in PICKED + TURN]
     assert (first["distance"] == 0).all()
     assert (first["orientation"] == 0).all()  # in the pose BODY it does not matter
@@ -204,7 +195,7 @@ def test_a_sprite_leads_first_to_the_frame_that_came_after_it(world):
 
 
 def test_the_frame_before_a_sprite_s_own_leads_first_to_it(world):
-    first = world.ways(OUT)[lambda t: t["rank"] == 1].set_index("row")
+    first = world.ways(find.OUT)[lambda t: t["rank"] == 1].set_index("row")
     for sprite, row in enumerate([*PICKED, TURN[0]]):
         assert first.loc[row - 1, "sprite"] == sprite
         assert first.loc[row - 1, "distance"] < 0.3 * world.step  # turned twice: a little soft
@@ -213,7 +204,7 @@ def test_the_frame_before_a_sprite_s_own_leads_first_to_it(world):
 
 
 @pytest.mark.parametrize("name", ["world", "film_world"])
-@pytest.mark.parametrize("direction", [IN, OUT])
+@pytest.mark.parametrize("direction", [find.IN, find.OUT])
 def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, request):
     """Eq. 5 as it looks, in whatever orientation the sprite is drawn."""
     of = request.getfixturevalue(name)
@@ -222,14 +213,14 @@ def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, r
     ways = of.ways(direction)
     assert len(ways) > 20
     with of.open() as (store, film):
-        if direction == IN:  # drawn in that orientation after the sprite has turned on
+        if direction == find.IN:  # drawn in that orientation after the sprite has turned on
             shown = of.reel(store, film).draw_frames_after_sprites(SIZE, number)
             drawn_deg = drawn_deg - of.sprites["turn_deg"].to_numpy()
         else:
             shown = of.reel(store, film).draw_sprites(SIZE, number)
             drawn_deg = np.full(len(of.sprites), drawn_deg)
         for way in ways.iloc[:: max(1, len(ways) // 40)].itertuples():
-            row = way.row + (direction == OUT)
+            row = way.row + (direction == find.OUT)
             turn = drawn_deg[way.sprite] + way.turn_deg
             turned = draw_centred_cutout(
                 film[row], of.features.loc[row, ["x_px", "y_px"]], LENGTH, SIZE, turn
@@ -245,26 +236,27 @@ def test_every_distance_is_that_of_the_two_pictures(name, request):
     with of.open() as (store, film):
         shown = of.film(film).reshape(len(of.features), -1).astype(float)
         for one in np.unique(number):
-            sides = draw_sprites_and_next(of.reel(store, film), SIZE, of.pose, int(one))
-            for side, found in zip(
-                sides, (of.near.from_next_frame, of.near.from_sprite), strict=True
-            ):
+            sides = find.draw_sprites_and_next(of.reel(store, film), SIZE, of.pose, int(one))
+            given = of.near.from_next_frame, of.near.from_sprite
+            for side, found in zip(sides, given, strict=True):
                 want = cdist(side.reshape(len(side), -1), shown[number == one])
                 np.testing.assert_allclose(found[:, number == one], want, atol=1e-4)
 
 
 def test_as_filmed_a_sprite_meets_only_frames_of_its_orientation(film_world):
     table = film_world.table(distance_threshold=100.0)
-    compared = table["row"] + (table["direction"] == OUT)
+    compared = table["row"] + (table["direction"] == find.OUT)
     assert (table["orientation"] == film_world.features["orientation"].to_numpy()[compared]).all()
     assert (table["orientation"] >= 1).all() and table["orientation"].nunique() > 5
-    turned = np.where(table["direction"] == IN, film_world.sprites["turn_deg"][table["sprite"]], 0)
+    turned = np.where(
+        table["direction"] == find.IN, film_world.sprites["turn_deg"][table["sprite"]], 0
+    )
     want = wrap_deg(turned - 15.0 * (table["orientation"] - 1))
     np.testing.assert_allclose(wrap_deg(table["turn_deg"] - want), 0, atol=1e-4)
 
 
 def test_as_filmed_too_a_sprite_leads_to_the_frame_after_it(film_world):
-    ways = film_world.ways(IN)
+    ways = film_world.ways(find.IN)
     for sprite, row in enumerate(PICKED + TURN):
         number = film_world.features["orientation"][row + 1]
         best = ways[(ways["sprite"] == sprite) & (ways["orientation"] == number)].iloc[0]
@@ -274,16 +266,16 @@ def test_as_filmed_too_a_sprite_leads_to_the_frame_after_it(film_world):
 
 @pytest.mark.parametrize("threshold", [0.2, 0.7, 2.0])
 def test_nothing_is_farther_than_the_threshold_and_nothing_nearer_is_lost(world, threshold):
-    ways = world.ways(OUT, distance_threshold=threshold)
+    ways = world.ways(find.OUT, distance_threshold=threshold)
     most = threshold * world.step
     assert (ways["distance"] <= most).all()
-    free = world.ways(OUT, distance_threshold=1e6)
+    free = world.ways(find.OUT, distance_threshold=1e6)
     assert len(ways) == (free["distance"] <= most).sum() < len(free)
 
 
 @pytest.mark.parametrize("apart", [0.0, 1.0, 2.5])
 def test_frames_a_sprite_leads_to_are_apart(world, apart):
-    ways = world.ways(IN, distance_threshold=1e6, apart=apart, frames_per_sprite=100)
+    ways = world.ways(find.IN, distance_threshold=1e6, apart=apart, frames_per_sprite=100)
     assert not ways.duplicated(["sprite", "row"]).any()
     least = max(1, apart * DELTA)
     for sprite, of in ways.groupby("sprite"):
@@ -301,7 +293,9 @@ def test_frames_a_sprite_leads_to_are_apart(world, apart):
 
 @pytest.mark.parametrize("least", [0.0, 2.5, 10.0])
 def test_frames_led_to_have_film_ahead(world, least):
-    ways = world.ways(IN, distance_threshold=1e6, least=least, apart=0.0, frames_per_sprite=100)
+    ways = world.ways(
+        find.IN, distance_threshold=1e6, least=least, apart=0.0, frames_per_sprite=100
+    )
     left = FRAMES - 1 - world.features["frame"].to_numpy()[ways["row"]]
     assert left.min() >= least * DELTA
     if least > 5:  # the next frame of the sprites at 20, 21, 33, 40 has not so much left
@@ -309,24 +303,23 @@ def test_frames_led_to_have_film_ahead(world, least):
 
 
 def test_ranks_count_from_the_nearest(world):
-    for direction, key, top in ((IN, "sprite", 12), (OUT, "row", 4 * 3)):
+    for direction, key, top in ((find.IN, "sprite", 12), (find.OUT, "row", 4 * 3)):
         ways = world.ways(direction, distance_threshold=1e6)
         for _, of in ways.groupby(key):
             assert list(of["rank"]) == list(range(1, len(of) + 1)) and len(of) <= top
             assert of["distance"].is_monotonic_increasing
-    every = world.ways(OUT, distance_threshold=1e6)
+    every = world.ways(find.OUT, distance_threshold=1e6)
     of_sequence = world.sprites["sequence"].to_numpy()[every["sprite"]]
     assert (every.groupby(["row", of_sequence]).size().groupby("row").max() <= 3).all()
     assert every.groupby("row")["sprite"].nunique().min() == 4  # three of the cycle, one turn
-    assert (
-        world.ways(IN, distance_threshold=1e6, frames_per_sprite=4).groupby("sprite").size() == 4
-    ).all()
+    few = world.ways(find.IN, distance_threshold=1e6, frames_per_sprite=4)
+    assert (few.groupby("sprite").size() == 4).all()
 
 
 def test_a_turn_is_entered_at_its_start_and_left_anywhere(world):
     turn = np.arange(len(PICKED), len(PICKED) + len(TURN))
-    assert set(turn) <= set(world.ways(IN)["sprite"])
-    ways = world.ways(OUT, distance_threshold=1e6, sprites_per_frame=100)
+    assert set(turn) <= set(world.ways(find.IN)["sprite"])
+    ways = world.ways(find.OUT, distance_threshold=1e6, sprites_per_frame=100)
     assert set(ways["sprite"]) == set(range(len(PICKED) + 1))
     # The last frame of a track has no way out.
     assert set(ways["row"]) == {row for row in range(3 * FRAMES) if row % FRAMES != FRAMES - 1}
@@ -337,7 +330,7 @@ def test_a_mirrored_sprite_leads_to_the_mirror_of_what_came_after_it(tmp_path, f
     features, cutouts = film
     sprites = whole(sprite_rows(features, PICKED, off=6.0, mirrored=True))
     world = World(tmp_path, features, cutouts, sprites, pose)
-    ways = world.ways(IN, distance_threshold=1e6, apart=0.0)
+    ways = world.ways(find.IN, distance_threshold=1e6, apart=0.0)
     for sprite, row in enumerate(PICKED):
         mirror = row + 1 + FRAMES  # the same frame of track 1
         of = ways[ways["sprite"] == sprite]
@@ -351,7 +344,7 @@ def test_a_mirrored_sprite_leads_to_the_mirror_of_what_came_after_it(tmp_path, f
         want = wrap_deg(np.array(world.sprites["heading_deg"][sprite]))
         assert best["turn_deg"] == pytest.approx(want, abs=1e-3)
     if pose == BODY:  # and back: the frame before the mirrored one leads to it
-        first = world.ways(OUT)[lambda t: t["rank"] == 1].set_index("row")
+        first = world.ways(find.OUT)[lambda t: t["rank"] == 1].set_index("row")
         assert [first.loc[row - 1 + FRAMES, "sprite"] for row in PICKED] == list(range(len(PICKED)))
 
 
@@ -360,9 +353,8 @@ def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
     last = FRAMES - 1
     sprites = whole(sprite_rows(features, [last], off=6.0)).assign(turn_deg=3.0)
     world = World(tmp_path, features, cutouts, sprites)
-    assert (
-        world.near.from_next_frame[0].argmin() == last and world.near.from_next_frame[0, last] == 0
-    )
+    far = world.near.from_next_frame[0]
+    assert far.argmin() == last and far[last] == 0
     assert world.near.next_frame_deg[0] == world.near.sprite_deg[0] == pytest.approx(6.0, abs=1e-3)
 
 
@@ -372,10 +364,10 @@ def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
 def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
     none = world.table(distance_threshold=0.0, least=500.0)
     assert len(none) == 0
-    save_table(tmp_path / "none.parquet", none, GATEWAYS)
-    assert len(load_table(tmp_path / "none.parquet", GATEWAYS)) == 0
+    save_table(tmp_path / "none.parquet", none, find.GATEWAYS)
+    assert len(load_table(tmp_path / "none.parquet", find.GATEWAYS)) == 0
     nearest = world.table(distance_threshold=np.inf)
-    found = gateway_metrics(none, nearest, world.near, world.features, RATE, world.step)
+    found = find.gateway_metrics(none, nearest, world.near, world.features, RATE, world.step)
     assert found["ways_in"] == found["ways_out"] == found["film_rows_with_way_out_pct"] == 0
     assert found["sprites_in_orientations_without_way_in"] == len(world.sprites)
     assert found["nearest_in_steps"] == 0 < found["nearest_out_steps"]
@@ -385,8 +377,8 @@ def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
 def test_numbers_count(world):
     table = world.table()
     nearest = world.table(distance_threshold=np.inf)
-    found = gateway_metrics(table, nearest, world.near, world.features, RATE, world.step)
-    ways_out = table[table["direction"] == OUT]
+    found = find.gateway_metrics(table, nearest, world.near, world.features, RATE, world.step)
+    ways_out = table[table["direction"] == find.OUT]
     assert found["ways_in"] + found["ways_out"] == len(table)
     assert found["sprites_in_orientations_without_way_in"] == 0
     rows = set(ways_out["row"])
@@ -403,16 +395,14 @@ def test_numbers_count(world):
 
 
 def test_the_sheet_goes_from_the_best_to_the_worst(world):
-    ways = world.ways(OUT)
+    ways = world.ways(find.OUT)
     facts = MapFacts(world.pose, SIZE, 0.1, 1.5, world.step, world.step)
     with world.open() as (store, film):
         reel = world.reel(store, film)
-        some, two, none = (
-            [float(pair.below.removesuffix(" steps")) for pair in pairs]
-            for pairs in (
-                gateway_pictures(part, 5, reel, facts) for part in (ways, ways[:2], ways[:0])
-            )
-        )
+        shown = [gateway_pictures(part, 5, reel, facts) for part in (ways, ways[:2], ways[:0])]
+    some, two, none = (
+        [float(pair.below.removesuffix(" steps")) for pair in pairs] for pairs in shown
+    )
     steps = ways["distance"] / world.step
     assert some == sorted(some) and len(some) == 5
     assert some[0] == pytest.approx(steps.min(), abs=0.01)
@@ -426,18 +416,18 @@ def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film
     features, _ = film
     rows = np.arange(len(features))[len(features) // 4 : -3]
     with world.open() as (store, pictures):
-        near = measure_sprite_distances(world.reel(store, pictures), rows, SIZE, world.pose)
+        near = find.measure_sprite_distances(world.reel(store, pictures), rows, SIZE, world.pose)
     np.testing.assert_array_equal(near.from_sprite, world.near.from_sprite[:, rows])
     settings = replace(SETTINGS, distance_threshold=3.0)
     whole, some = (
-        list_gateways(one, world.sprites, features, world.step, settings)
+        find.list_gateways(one, world.sprites, features, world.step, settings)
         for one in (world.near, near)
     )
-    out = whole[(whole["direction"] == OUT) & np.isin(whole["row"] + 1, rows)]
+    out = whole[(whole["direction"] == find.OUT) & np.isin(whole["row"] + 1, rows)]
     pd.testing.assert_frame_equal(
-        some[some["direction"] == OUT].reset_index(drop=True), out.reset_index(drop=True)
+        some[some["direction"] == find.OUT].reset_index(drop=True), out.reset_index(drop=True)
     )
-    leads_in = some[some["direction"] == IN]
+    leads_in = some[some["direction"] == find.IN]
     assert len(leads_in) and np.isin(leads_in["row"], rows).all()
 
 
@@ -446,7 +436,7 @@ def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
     monkeypatch.setattr(gateways_plots, "TILE", SIZE)
     of = request.getfixturevalue(name)
     facts = MapFacts(of.pose, SIZE, 0.1, 1.5, of.step, of.step)
-    ways = [of.ways(way, distance_threshold=3.0) for way in (IN, OUT)]
+    ways = [of.ways(way, distance_threshold=3.0) for way in (find.IN, find.OUT)]
     some = pd.concat([spread_table_rows(table.sort_values("distance"), 4) for table in ways])
     with of.open() as (store, film):
         reel = of.reel(store, film)
@@ -456,10 +446,10 @@ def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
         far = np.linalg.norm(pair.natural - pair.instead)
         assert far == pytest.approx(way.distance, abs=1e-3)
         assert pair.below == f"{way.distance / of.step:.2f} steps"
-        assert pair.above.startswith("film") == (way.direction == OUT)
-    sheet = draw_gateways({IN: shown[:4], OUT: shown[4:]})
+        assert pair.above.startswith("film") == (way.direction == find.OUT)
+    sheet = draw_gateways({find.IN: shown[:4], find.OUT: shown[4:]})
     assert sheet.shape == (4 * SIZE + 40, 12 * SIZE, 3) and sheet.std() > 5
-    assert draw_gateways({IN: [], OUT: []}).shape == (40, 12 * SIZE, 3)
+    assert draw_gateways({find.IN: [], find.OUT: []}).shape == (40, 12 * SIZE, 3)
 
 
 # -- the stage --------------------------------------------------------------------------------------
@@ -489,7 +479,7 @@ def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, ca
     prepare(work, *TINY_CARP, "gateways.sprites_per_frame=3")
     stages.gateways.main()
     stages.plots.gateways.main()
-    table = load_table(work / "data/gateways/gateways.parquet", GATEWAYS)
+    table = load_table(work / "data/gateways/gateways.parquet", find.GATEWAYS)
     want = world.table()
     assert list(table["row"]) == list(want["row"])
     np.testing.assert_allclose(table["distance"], want["distance"], rtol=1e-5)
@@ -505,23 +495,18 @@ def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, ca
 def test_stage_says_which_threshold_would_give_some(work, world, capsys, monkeypatch):
     # No sprite's own next frame has so much ahead: but for the odd track's, all are far.
     prepare(work, *TINY_CARP, "gateways.distance_threshold=0.01")
-    monkeypatch.setattr(GatewaysSettings, "least", 14)
+    monkeypatch.setattr(find.GatewaysSettings, "least", 14)
     stages.gateways.main()
-    assert not len(load_table(work / "data/gateways/gateways.parquet", GATEWAYS))
+    assert not len(load_table(work / "data/gateways/gateways.parquet", find.GATEWAYS))
     said = capsys.readouterr().err
-    for word, direction in (("into", IN), ("out of", OUT)):
-        free = (
-            world.ways(direction, distance_threshold=1e6, least=14)["distance"].min() / world.step
-        )
+    for word, direction in (("into", find.IN), ("out of", find.OUT)):
+        every = world.ways(direction, distance_threshold=1e6, least=14)
+        free = every["distance"].min() / world.step
         line = next(line for line in said.splitlines() if f"no gateway {word} the film" in line)
         told = float(line.split("gateways.distance_threshold=")[1].split()[0])
         assert free <= told <= free + 0.1
         assert len(world.ways(direction, distance_threshold=told, least=14))
     assert load_numbers(work / "reports/gateways")["ways_in"] == 0
-
-
-def test_stage_says_that_no_track_is_long_enough(work, capsys, monkeypatch):
-    prepare(work, *TINY_CARP)
-    monkeypatch.setattr(GatewaysSettings, "least", 100)
+    monkeypatch.setattr(find.GatewaysSettings, "least", 100)
     stages.gateways.main()
     assert "no gateway into the film; no track lasts 100 Δ" in capsys.readouterr().err

@@ -7,15 +7,13 @@ down in pixels; angles are degrees, anticlockwise as seen.
 import re
 from collections import defaultdict
 from itertools import pairwise, product
-from pathlib import Path
 from string import ascii_uppercase
 
 import cv2
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
-from conftest import ROOT, TINY_CARP
+from conftest import TINY_CARP
 from constants import with_constants
 from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip, same_but_figures
@@ -180,7 +178,7 @@ def test_of_equal_minima_the_first_is_one():
 
 
 def test_loops_of_a_periodic_film_are_whole_periods():
-    period, rows = 16, 100
+    period, rows = 16, 70
     angle = 2 * np.pi * np.arange(rows) / period
     film = np.stack([np.cos(angle), np.sin(angle), 0.5 * np.sin(2 * angle)], 1)
     loops, counts = find_video_loops(
@@ -405,6 +403,13 @@ def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
         np.testing.assert_array_equal(together[mine.argmax()], mine)
     else:
         assert not graph.cyclic.any()
+
+
+def test_the_first_component_has_the_most_film_not_the_most_loops():
+    many = [(5, 15), (10, 20), (17, 25)]
+    graph = build_loop_graph(table_of(*many, (60, 110)), np.zeros(120, int))
+    assert graph.component[np.searchsorted(graph.ends, 60)] == 0
+    assert rows_of_largest_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
 
 
 def test_jumps_are_sorted_by_distance():
@@ -792,10 +797,13 @@ def test_the_three_ways_of_a_film_are_drawn_with_a_dotted_line_a_jump(toy, monke
     assert re.findall(r"(\d) jumps?", plain) == ["1", "1", "2"]
 
 
-def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path, monkeypatch):
+def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(
+    tmp_path, monkeypatch, capsys
+):
     put_film(tmp_path, backwards=True)
     monkeypatch.chdir(tmp_path)
     stages.loops.main()
+    assert "only the network mode" in capsys.readouterr().err
     stages.plots.loops.main()
     assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
     reports = tmp_path / "reports/motion/loops"
@@ -815,20 +823,3 @@ def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path,
             ahead[text.arrow_patch.get_edgecolor()].append(text.xy[0] - text.get_position()[0])
     assert sorted(map(len, ahead.values())) == [1, 3]  # travel; headings at a, at b, and mean
     assert sorted(np.sign([np.mean(one) for one in ahead.values()])) == [-1, 1]  # opposed
-
-
-@pytest.mark.usefixtures("no_drawing")
-def test_stage_with_a_threshold_of_zero_says_what_would_do(tmp_path, monkeypatch, capsys):
-    put_film(tmp_path)
-    prepare(tmp_path, *TINY_CARP, "loops.distance_threshold=0.0")
-    monkeypatch.chdir(tmp_path)
-    stages.loops.main()
-    said = capsys.readouterr().err
-    assert re.search(r"loops.distance_threshold=\S+ would have given the first", said)
-    assert "only the network mode" in said
-    assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
-    made = set(content(tmp_path / "reports/loops"))
-    outs = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["loops"]
-    listed = [*outs["outs"], *outs["metrics"]]
-    names = [next(iter(one)) if isinstance(one, dict) else one for one in listed]
-    assert made == {Path(name).name for name in names if name.startswith("reports/")}

@@ -29,10 +29,8 @@ def pose(turn=0.0, place=MIDDLE, count=STEPS, length=1.0):
     straight = Pose(*(np.float64(part) for part in place), posture)
     middle = straight.backbone_px().mean(0) - (place[0], place[1])
     cos, sin = np.cos(place[2]), np.sin(place[2])
-    posture[:2] = (
-        -(cos * middle[0] - sin * middle[1]) / place[3],
-        (sin * middle[0] + cos * middle[1]) / place[3],
-    )
+    ahead, aside = cos * middle[0] - sin * middle[1], sin * middle[0] + cos * middle[1]
+    posture[:2] = -ahead / place[3], aside / place[3]
     return Pose(*(np.float64(part) for part in place), posture)
 
 
@@ -89,10 +87,8 @@ def test_grey_is_drawn_as_colour_is():
 def test_a_pose_that_moves_moves_the_picture():
     start = draw_in_pose(BODY, pose(), pose(1.0), SIZE)
     there = pose(1.0).move_to(67, 51, 0, LENGTH)
-    assert (
-        np.abs(draw_in_pose(BODY, pose(), there, SIZE) - np.roll(start, (-9, 7), (0, 1))).max()
-        < 1e-3
-    )
+    moved = np.roll(start, (-9, 7), (0, 1))
+    assert np.abs(draw_in_pose(BODY, pose(), there, SIZE) - moved).max() < 1e-3
     quarter = pose(1.0).move_to(60, 60, np.pi / 2, LENGTH)
     assert np.abs(draw_in_pose(BODY, pose(), quarter, SIZE) - np.rot90(start)).max() < 1e-3
 
@@ -176,9 +172,8 @@ def test_an_open_fin_is_whole():
 def test_the_outline_has_no_fringe(light):
     pixels = BODY.pixels.copy()
     pixels[..., :3] = pixels[..., 3:] // 255 * light if light == 0 else pixels[..., 3:]
-    drawn = draw_in_pose(
-        BODY._replace(pixels=pixels), pose(), pose(2.0).move_to(60.3, 59.6, 0.4, 70), SIZE
-    )
+    there = pose(2.0).move_to(60.3, 59.6, 0.4, 70)
+    drawn = draw_in_pose(BODY._replace(pixels=pixels), pose(), there, SIZE)
     assert drawn.min() >= 0 and drawn.max() <= 1
     assert np.array_equal(drawn[..., 0], drawn[..., 3] * (light == 255))
 
@@ -297,11 +292,8 @@ def test_a_pose_beyond_all_filmed_is_moved_towards_the_film():
     near, clamped = shapes.nearest_codes(shapes.encode(wild))
     assert clamped and not shapes.nearest_codes(near * (1 - 1e-9)).clamped
     most = np.abs(backbone_bends(posture)).max()
-    assert (
-        most - 0.3
-        < np.abs(backbone_bends(shapes.decode(near))).max()
-        < most + 2 * shapes.gap * 8**0.5
-    )
+    bent = np.abs(backbone_bends(shapes.decode(near))).max()
+    assert most - 0.3 < bent < most + 2 * shapes.gap * 8**0.5
 
 
 @pytest.mark.parametrize("rows", [1, 0])

@@ -3,15 +3,8 @@
 import numpy as np
 import skimage
 
+from finloop.drawn.dog import walk
 from finloop.drawn.dog.shape import BODY, FAR_OFFSET, LIMBS
-from finloop.drawn.dog.walk import (
-    NAMES,
-    body_origins_px,
-    foot_displacements,
-    frame_phases,
-    limb_contours_at,
-    part_contour,
-)
 
 POINTS = 256
 
@@ -28,9 +21,9 @@ def true_masks(dog, frame):
 
     So a person would trace them.
     """
-    phase, origin = float(frame_phases(dog)[frame]), body_origins_px(dog)[frame]
-    parts = {name: limb_contours_at(dog, name, np.array(phase), POINTS) for name in NAMES}
-    parts["body"] = part_contour(dog, phase, BODY, POINTS)
+    phase, origin = float(walk.frame_phases(dog)[frame]), walk.body_origins_px(dog)[frame]
+    parts = {name: walk.limb_contours_at(dog, name, np.array(phase), POINTS) for name in walk.NAMES}
+    parts["body"] = walk.part_contour(dog, phase, BODY, POINTS)
     size = dog.height_px, dog.width_px
     return {name: fill(origin + contour, *size) for name, contour in parts.items()}
 
@@ -39,4 +32,4 @@ def feet_px(dog, name, phase):
     """Point of the sole (…, 2) below the foot's joint, in the body frame, px; at rest y is 0."""
     far = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
     sole = np.array([LIMBS[name[:4]].joints[3][0], 0.0])
-    return dog.trunk_px * (foot_displacements(dog, name, phase) + sole + far)
+    return dog.trunk_px * (walk.foot_displacements(dog, name, phase) + sole + far)
