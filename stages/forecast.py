@@ -135,7 +135,7 @@ def main() -> None:
         "held_out_rows": len(parts.held_out),
         "epochs": len(curve) - 1,
         "best_epoch": int(curve["held_out_error"].argmin()),
-        "neighbours_per_row": len(graph[1]) / len(film.rows),  # [1]: of all rows
+        "neighbours_per_row": len(sampler.to) / len(film.rows),  # `to`: those of all rows
         **numbers,
     })  # fmt: skip
 

@@ -126,8 +126,9 @@ def fit_tracks(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
             if not beat.why:
                 try:
                     contours = swimmer_gait_contours(fish)
-                    fits.append(_fit_film(contours, name, beat, p, source=f"{name} of the clip"))
-                    row |= fits[-1].rms()
+                    fit = _fit_film(contours, name, beat, p, source=f"{name} of the clip")
+                    fits.append(fit)
+                    row |= fit.rms()
                 except FinloopError as error:
                     row["why_not"] = error.came
             rows.append(row)

@@ -93,7 +93,8 @@ def list_problems(values: Mapping[str, Any]) -> list[str]:
     unknown = [word for word in values if word not in (*GROUPS, *STAMPS)]
     problems = list(map(_describe_unknown_group, unknown))
     for word in GROUPS:
-        problems += check_values(word, variants(word), values.get(word, {}))[1]
+        _, wrong = check_values(word, variants(word), values.get(word, {}))
+        problems += wrong
     return problems
 
 

@@ -159,7 +159,8 @@ def failure_lines(text: str) -> list[str]:
     wanted = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
     if not wanted:
         return lines[-LAST_LINES:]
-    first = max(number for number in range(wanted[-1]) if lines[number].startswith("finloop: "))
+    last_wanted = wanted[-1]
+    first = max(number for number in range(last_wanted) if lines[number].startswith("finloop: "))
     return [*takewhile(lambda line: not line.startswith("ERROR:"), lines[first:])]
 
 
@@ -291,9 +292,10 @@ class RunMaker(ExitStack):
                 self.shared = "up to date" not in run_dvc("status", *self.stages, folder=root)[1]
             apart = TemporaryDirectory(dir=root / APART, prefix=PREFIX)
             self._folder = Path(self.enter_context(apart))
-        for number in range(len(self._clones), count):
-            self._clones.append(self._folder / str(number))
-            _clone(root, self._clones[-1], self._cache)
+        while len(self._clones) < count:
+            clone = self._folder / str(len(self._clones))
+            _clone(root, clone, self._cache)
+            self._clones.append(clone)
 
 
 def plan_sweep(

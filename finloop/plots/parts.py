@@ -107,7 +107,7 @@ def write_text(
 
 
 def draw_message(text: str) -> Figure:
-    """Return a figure that shows a text, for a chart that has nothing to show."""
+    """Return a figure that shows a text, in place of a chart without content."""
     figure = Figure(figsize=(8, 2))
     figure.text(0.02, 0.5, text, va="center", fontsize=9, wrap=True)
     return figure
