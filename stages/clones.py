@@ -14,7 +14,7 @@ APART, PREFIX = Path(".dvc/tmp"), "sweep-"
 
 
 def claim_folder(program: str) -> None:
-    """Remove clones that killed studies and sweeps left in the present folder.
+    """Refuse a second study or sweep in the present folder; remove clones that killed ones left.
 
     program: module of the study or sweep that is about to begin, such as "stages.study".
     FinloopError, and nothing is removed, if another one runs here.

@@ -50,7 +50,7 @@ def _film_conflicts(values: Groups) -> Iterator[str]:
 
 
 def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> Iterator[str]:
-    """Yield a sentence if a film is missing, too short, has no frame rate, or ends before `start_s`.
+    """Yield a sentence if a film is missing, too short, without a rate, or ends before `start_s`.
 
     Nothing is decoded. clip: the parameters of this film; the part from `start_s` to `end_s` is
     used. shortest: least number of its frames.
@@ -150,7 +150,7 @@ def _mode_conflicts(values: Groups) -> Iterator[str]:
 
 
 def _goal_conflicts(animate: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each goal that is no pair [x, y] or not in the tank; one without goals.
+    """Yield a sentence for each goal that is no pair [x, y] or not in the tank, or if none is set.
 
     animate: the parameters that all modes share.
     """

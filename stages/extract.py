@@ -71,10 +71,10 @@ def main() -> None:
     save_csv(EXTRACT / "films.csv", pd.DataFrame(films), decimals=3)
     used_films = [film["film"] for film in films if not film["left_out_because"]]
     names = used_films if load_readable_parts(CLIP) else [""]
-    report_findings(EXTRACT, _find_doubts(numbers, names))
+    report_findings(EXTRACT, _film_findings(numbers, names))
 
 
-def _find_doubts(numbers: dict[str, float], names: list[str]) -> dict[str, Iterator[Finding]]:
+def _film_findings(numbers: dict[str, float], names: list[str]) -> dict[str, Iterator[Finding]]:
     """Return what is doubtful in the films, name → findings.
 
     numbers: metrics of the stage; those of one of several films begin with its name and a "_".

@@ -99,6 +99,7 @@ def main() -> None:
         print("play: reading the stages' results ...", file=sys.stderr)
 
         def announce() -> None:
+            """Print the page's address, and open the page unless --no-open is given."""
             print(f"play: the tank is open at {url} (Ctrl-C closes it)", file=sys.stderr)
             if options.open:
                 open_in_browser(url)

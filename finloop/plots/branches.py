@@ -192,9 +192,9 @@ def _thin_silhouette(
 
 
 def _masks_with_pale_pixels(silhouette: Silhouette) -> tuple[Mask, Mask, int, int]:
-    """Return masks (h, w) of a silhouette, and of it with its pale pixels, and their left and top.
+    """Return two masks (h, w), a silhouette without and with its pale pixels, and left and top.
 
-    The second has no holes and is one piece. left, top: x, y px of both in the frame.
+    The second is one piece without holes. left, top: x, y px of both in the frame.
     """
     # Both masks in the box of the pale pixels, with a margin.
     pale = silhouette.pale or silhouette

@@ -152,7 +152,7 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
 
 
 def _count_lines(groups: int) -> int:
-    """Return on how many lines groups are drawn: one each, and one for all beyond `_LINES`."""
+    """Return how many lines show the groups: one for each, and one for all beyond `_LINES`."""
     return min(groups, _LINES + 1)
 
 

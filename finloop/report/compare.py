@@ -108,7 +108,7 @@ def compare_experiments(
     measures: columns of `numbers` to show beside OBJECTIVES. Runs that differ in their seeds alone
     become one experiment. Rows are sorted by the differing parameters.
     """
-    runs = _sort_runs(parameters)
+    runs = _differing_parameters(parameters)
     repeats = parameters.loc[runs.index].astype(str).duplicated()  # equal in all, also in seeds
     # A seed among the compared parameters is no seed of a repetition.
     seeds = _seed_texts(parameters.loc[runs.index].drop(columns=runs.columns))
@@ -136,7 +136,7 @@ def compare_experiments(
     )  # fmt: skip
 
 
-def _sort_runs(parameters: pd.DataFrame) -> pd.DataFrame:
+def _differing_parameters(parameters: pd.DataFrame) -> pd.DataFrame:
     """Return a table of the parameters that differ between runs, a row per run, sorted by them.
 
     Seeds are left out, as runs are averaged over them, unless nothing else differs.

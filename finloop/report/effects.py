@@ -127,10 +127,10 @@ def measure_effects(
 def _remove_seed_effects(
     measure: "pd.Series[float]", cell: "pd.Series[str]", seeds: "pd.Series[str]"
 ) -> "tuple[pd.Series[float], int]":
-    """Return a measure without what a seed changes alike in every cell, and the rest's freedom.
+    """Return a measure without what a seed changes alike in every cell, and degrees of freedom.
 
-    The model is measure = cell + seed, by least squares; the freedom is that of its residuals, in
-    degrees. Where the runs cannot distinguish cells from seeds, the measure is returned unchanged.
+    The model is measure = cell + seed, by least squares; the degrees of freedom are those of its
+    residuals. Where the runs cannot distinguish cells from seeds, the measure stays unchanged.
     All have a row per run: cell and seeds are texts, equal for runs that differ in their seeds
     alone, and for runs with the same seeds.
     """
