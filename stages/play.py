@@ -61,14 +61,14 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
     mode: of the first fish. fish_count: None = as many as `matching.fish`, or one in a mode of the
     paper; fewer if the tank has no room. seed: of the random choices.
     """
-    p, q = load_settings("animate"), load_settings("render")
+    animate, render = load_settings("animate"), load_settings("render")
     with Project() as project:
         animators = open_modes(project)
         players = {name: animator.player for name, animator in animators.items()}
-        first = next(iter(animators.values()))
-        pictures, most_unlike = first.pictures, p.fade_steps * first.step
+        first = next(iter(animators.values()))  # the film is the same in all modes
+        pictures, most_unlike = first.pictures, animate.fade_steps * first.step  # natural steps
         length_px = pictures.reel.scale * project.scene.typical_length_px
-        shadow = Shadow(q.shadow_darkness, q.shadow_blur * length_px)
+        shadow = Shadow(render.shadow_darkness, render.shadow_blur * length_px)
         painter = Painter(project.background, shadow=shadow)
         stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
         cutout_sets = build_cutout_sets(stores, project.tracks(PLACE), project.sprites)
