@@ -242,7 +242,6 @@ def test_a_constant_input_is_no_division_by_zero(columns):
 
 
 def problem(rows=7, hidden=6, seed=3):
-    """Weights, rows with their 1s, and targets."""
     r = rng(seed)
     x = np.column_stack([r.uniform(-1, 1, (rows, 4)), np.ones(rows)])
     return draw_first_weights(hidden, r), x, r.uniform(0.05, 0.95, (rows, 2))
@@ -567,7 +566,6 @@ def put(folder, features, *overrides):
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """A folder in which the stage has run."""
     folder = tmp_path_factory.mktemp("ran")
     put(folder, table([150, 90, 60]))
     with chdir(folder):

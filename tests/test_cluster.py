@@ -54,9 +54,8 @@ def put(folder: Path, work) -> str:
 
 def test_unpickling_a_call_makes_it_in_the_folder_of_who_asks(home, tmp_path, monkeypatch):
     monkeypatch.chdir("/")
-    call = DeferredCall(
-        run_pickled_item, home, put(tmp_path, Path.resolve), pickle.dumps(Path("here"))
-    )
+    work = put(tmp_path, Path.resolve)
+    call = DeferredCall(run_pickled_item, home, work, pickle.dumps(Path("here")))
     assert pickle.loads(pickle.loads(pickle.dumps(call))) == tmp_path / "here"
 
 
@@ -82,10 +81,9 @@ def test_the_facts_tell_versions_of_the_code_apart(tmp_path, monkeypatch):
 @pytest.mark.parametrize("gone", ["folder", "file"])
 def test_a_worker_that_does_not_see_the_folder_is_refused(home, tmp_path, gone):
     folder = str(tmp_path / "elsewhere") if gone == "folder" else home.folder
+    there = WorkerHome(folder, START, home.facts)
     with pytest.raises(FinloopError) as caught:
-        run_pickled_item(
-            WorkerHome(folder, START, home.facts), str(tmp_path / "work"), pickle.dumps(7)
-        )
+        run_pickled_item(there, str(tmp_path / "work"), pickle.dumps(7))
     assert folder in caught.value.came and START in caught.value.do
 
 
@@ -128,14 +126,12 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def cluster(folder):
     """Two workers of Dask."""
-    with connect_dask_workers(
-        LOCAL, WorkerHome.from_process(folder, START, []), 2, ["jobs"]
-    ) as crew:
-        yield crew
+    home = WorkerHome.from_process(folder, START, [])
+    with connect_dask_workers(LOCAL, home, 2, ["jobs"]) as workers:
+        yield workers
 
 
 def of_address(cluster):
-    """The parameters that name the scheduler of a cluster that runs."""
     return settings("cluster", scheduler_address=cluster.client.scheduler.address)
 
 
@@ -191,10 +187,9 @@ def test_a_cluster_of_other_code_or_folder_is_refused_before_it_works(cluster, f
 @needs_dask
 def test_no_scheduler_is_one_message(home, monkeypatch):
     monkeypatch.setattr(at_cluster, "_CONNECT_S", 0.2)
+    nobody = settings("cluster", scheduler_address="tcp://127.0.0.1:9")
     with pytest.raises(FinloopError, match="no scheduler") as caught:
-        with connect_dask_workers(
-            settings("cluster", scheduler_address="tcp://127.0.0.1:9"), home, 2
-        ):
+        with connect_dask_workers(nobody, home, 2):
             pass
     assert START in caught.value.do
 
@@ -253,9 +248,8 @@ def test_jumps_are_the_same_bytes_from_other_workers(pose_run, where, monkeypatc
         crew = replace(cluster, home=replace(cluster.home, folder=str(pose_run)))
     made = []
     for who in (ALONE, crew):
-        monkeypatch.setattr(
-            stages.jumps, "open_workers", lambda *_, _who=who, **__: nullcontext(_who)
-        )
+        opened = nullcontext(who)
+        monkeypatch.setattr(stages.jumps, "open_workers", lambda *_, _of=opened, **__: _of)
         stages.jumps.main()
         made.append((content(pose_run / "data/jumps"), content(pose_run / "reports/jumps")))
     assert made[0] == made[1]

@@ -206,14 +206,12 @@ def test_alone_every_place_is_clear():
 
 
 def outlines_of(tank):
-    """What all fish look like on screen."""
     for fish in tank.fish:
         row = fish.row_at(tank.tick)
         yield place_outline(HULL, row.x_px, row.y_px, row.heading_deg, False)
 
 
 def overlaps(tank) -> int:
-    """Pairs of fish that overlap now."""
     outlines = list(outlines_of(tank))
     return sum(do_outlines_overlap(a, b) for k, a in enumerate(outlines) for b in outlines[:k])
 

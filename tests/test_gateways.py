@@ -68,7 +68,6 @@ def poses():
 
 
 def feature_table():
-    """Rows of FEATURES for the poses, and their cut-outs."""
     rows, cutouts = [], []
     for track, frame, heading, bend in poses():
         pixels = fish(heading, bend)
@@ -130,7 +129,6 @@ class World:
 
     @contextmanager
     def open(self):
-        """Both stores, open."""
         with (
             open_cutouts(self.folder / "sprites.arrow") as store,
             open_cutouts(self.folder / "cutouts.arrow") as film,

@@ -121,7 +121,6 @@ def filtered_map(pairs, track, n, limit):
 
 
 def minima_of(pairs, value, track, radius, least):
-    """The local minima as sorted pairs of rows."""
     minimal = find_local_minima(pairs, value, track, radius, least)
     found = dense(pairs, np.where(minimal, 0.0, np.inf))
     return [tuple(pair) for pair in np.argwhere(found == 0).tolist()]
@@ -764,7 +763,6 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
 
 
 def toy_reel(folder):
-    """The table of features of a toy film, and its store of cut-outs, to be opened."""
     table = load_table(folder / "data/features/features.parquet", FEATURES)
     return table, open_cutouts(folder / "data/extract/cutouts.arrow")
 

@@ -7,43 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pandas as pd
 import pytest
-from toy_film import (
-    ARENA,
-    DELTA,
-    HEAD,
-    LENGTH,
-    ORIENTATIONS,
-    RATE,
-    STEP,
-    TOUCH,
-    Model,
-    arc_track,
-    edit_of,
-    film_of,
-    film_with_dead_ends,
-    film_world_of,
-    gateways,
-    hybrid_of,
-    learnt,
-    lesson,
-    lessons,
-    loops,
-    loops_of,
-    matching_of,
-    network_of,
-    open_tank,
-    order,
-    paper_player,
-    phases,
-    players_of,
-    rich,
-    rich_film,
-    rich_table,
-    spot,
-    sprites,
-    table_of,
-    world_of,
-)
+import toy_film as toy
 
 from finloop.animate import measures
 from finloop.animate.arena import is_legal_point, make_tank
@@ -74,45 +38,43 @@ from finloop.modes.network import Network
 from finloop.modes.sprites import plan_turn
 from finloop.plan.plan import candidate_table
 
-STAY = round(settings("loops").min_deltas_between_jumps * DELTA)
+STAY = round(settings("loops").min_deltas_between_jumps * toy.DELTA)
 A = [Goal("A", 200.0, 200.0)]
 
 
 @cache
 def posed_film(pose):
-    """The rich film, its features and its loops in a pose."""
     if pose == BODY:
-        return rich_film(), *rich()
-    table, pairs = rich(heading=False)
-    return film_of(table, pairs, FILM), table, pairs
+        return toy.rich_film(), *toy.rich()
+    table, pairs = toy.rich(heading=False)
+    return toy.film_of(table, pairs, FILM), table, pairs
 
 
 @cache
 def posed_gateways(pose):
     """Gateways of the rich film; in pose FILM each is of one orientation."""
     if pose == BODY:
-        return gateways()
+        return toy.gateways()
     _, table, _ = posed_film(FILM)
-    made = gateways(table, every=5)
+    made = toy.gateways(table, every=5)
     row = made["row"].to_numpy()
     leads = row + (made["direction"] == "out")  # to what follows on the row
-    number = find_orientations(table["heading_deg"].to_numpy()[leads], ORIENTATIONS)
-    turn = wrap_deg(-orientation_heading_deg(number, ORIENTATIONS))
+    number = find_orientations(table["heading_deg"].to_numpy()[leads], toy.ORIENTATIONS)
+    turn = wrap_deg(-orientation_heading_deg(number, toy.ORIENTATIONS))
     made = made.assign(orientation=number, turn_deg=turn)
     made["rank"] = made.groupby(["direction", "sprite", "orientation"]).cumcount() + 1
     return made
 
 
 def player_in(mode, pose=BODY, **changes):
-    """A player of a mode, by the rich film."""
     film = posed_film(pose)[0]
     if mode == "loops":
-        return paper_player(loops_of(film, **changes))
+        return toy.paper_player(toy.loops_of(film, **changes))
     if mode == "network":
-        return paper_player(network_of(**changes))
+        return toy.paper_player(toy.network_of(**changes))
     if mode == "matching":
-        return matching_of(film_world_of(film, **changes))
-    return paper_player(hybrid_of(film, gates=posed_gateways(pose)))
+        return toy.matching_of(toy.film_world_of(film, **changes))
+    return toy.paper_player(toy.hybrid_of(film, gates=posed_gateways(pose)))
 
 
 def in_film(film, rng, room=None):
@@ -120,7 +82,7 @@ def in_film(film, rng, room=None):
     goes_on = film.has_next[:-2] & film.can_play_on(np.arange(1, len(film.has_next) - 1))
     row = int(rng.choice(np.flatnonzero(goes_on)))
     rot = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
-    x, y = (room or open_tank()).random_point(rng)
+    x, y = (room or toy.open_tank()).random_point(rng)
     heading = float(wrap_deg(film.heading[row] + rot))
     return Fish(x, y, heading, 2.0, IN_FILM, -1, row=row, rot=rot, since=100)
 
@@ -168,7 +130,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(
             assert at.fish.tick == state.fish.tick + ticks
             assert (at.fish.x, at.fish.y) == tuple(stretch.trajectory[ticks - 1, :2])
             on, _ = player.plan(at, A[0], np.random.default_rng(0))
-            assert np.hypot(*(on.trajectory[0, :2] - short.trajectory[-1, :2])) < LENGTH / 2
+            assert np.hypot(*(on.trajectory[0, :2] - short.trajectory[-1, :2])) < toy.LENGTH / 2
             shorter += 1
         state = then
     assert shorter > 20
@@ -176,7 +138,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_seed_gives_one_animation_and_another_seed_another(mode):
-    one, same, other = (edit_of(player_in(mode), A, 400, seed) for seed in (7, 7, 8))
+    one, same, other = (toy.edit_of(player_in(mode), A, 400, seed) for seed in (7, 7, 8))
     pd.testing.assert_frame_equal(one[1], same[1])
     weighed, again = (candidate_table(found, 400, 10**6) for found, _ in (one, same))
     pd.testing.assert_frame_equal(weighed, again)
@@ -191,30 +153,32 @@ def test_never_outside_the_tank(mode, pose):
     player = player_in(mode, pose)
     for seed in range(3 if mode == "matching" else 2):
         goals = random_goals(player.world, 3, np.random.default_rng(seed))
-        _, table = edit_of(player, goals, 1000, seed)
+        _, table = toy.edit_of(player, goals, 1000, seed)
         places = table[["x_px", "y_px"]].to_numpy()
-        assert all(is_legal_point(open_tank().legal, x, y) for x, y in places)
+        assert all(is_legal_point(toy.open_tank().legal, x, y) for x, y in places)
         assert measures.count_ticks_outside(table, player) == 0
 
 
 def player_of_a_film_at(rate, mode):
     """A player of a mode, by a film that is said to be of another frame rate."""
     if mode == "matching":
-        taught = learnt(lessons(), rate)
-        return matching_of(film_world_of(film_of(*rich(), taught=taught), taught=taught))
-    taught = replace(lesson(), rate_hz=rate)
-    world = world_of(taught=taught)
-    network = Network(world, order(rate), phases(rate), Model(), settings("network"))
-    made = hybrid_of(film_of(*rich(), taught=taught), world)
+        taught = toy.learnt(toy.lessons(), rate)
+        return toy.matching_of(
+            toy.film_world_of(toy.film_of(*toy.rich(), taught=taught), taught=taught)
+        )
+    taught = replace(toy.lesson(), rate_hz=rate)
+    world = toy.world_of(taught=taught)
+    network = Network(world, toy.order(rate), toy.phases(rate), toy.Model(), settings("network"))
+    made = toy.hybrid_of(toy.film_of(*toy.rich(), taught=taught), world)
     made = Hybrid(network, made.loops, made.gateways)
-    return paper_player(made if mode == "hybrid" else getattr(made, mode))
+    return toy.paper_player(made if mode == "hybrid" else getattr(made, mode))
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode):
     """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
     swims = []
-    for rate in (RATE, 8 * RATE):
+    for rate in (toy.RATE, 8 * toy.RATE):
         player = player_of_a_film_at(rate, mode)
         parts = animate_fish(player, A, 600, np.random.default_rng(3)).stretches
         swims.append([(one.trajectory, one.number, one.rot, one.decision.reason) for one in parts])
@@ -225,14 +189,16 @@ def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode
 
 @pytest.mark.parametrize("mode", MODES)
 def test_every_mode_goes_on_from_the_state_of_any_other(mode):
-    made, rng = players_of(), np.random.default_rng(0)
+    made, rng = toy.players_of(), np.random.default_rng(0)
     for other in MODES:
         state = made[other].begin(rng)
         for player in (made[other], made[mode]):
             for _ in range(30):
                 before = state.fish
                 stretch, state = player.plan(state, None, rng)
-                assert np.hypot(*(stretch.trajectory[0, :2] - (before.x, before.y))) < LENGTH / 2
+                assert (
+                    np.hypot(*(stretch.trajectory[0, :2] - (before.x, before.y))) < toy.LENGTH / 2
+                )
                 assert abs(wrap_deg(stretch.trajectory[0, 2] - before.heading)) < 40
         kinds = {"network": SPRITE, "loops": FRAME, "matching": FRAME}
         assert stretch.kind == kinds.get(mode, stretch.kind)
@@ -284,13 +250,13 @@ def nearest_of(ends):
 @pytest.mark.parametrize("free", [False, True])
 def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free):
     """Of a fish that wanders, in any quadrant."""
-    small = make_tank(ARENA[:300, :300], 0.6 * LENGTH)
-    play_, rng = loops_of(posed_film(pose)[0], world_of(small)), np.random.default_rng(2)
+    small = make_tank(toy.ARENA[:300, :300], 0.6 * toy.LENGTH)
+    play_, rng = toy.loops_of(posed_film(pose)[0], toy.world_of(small)), np.random.default_rng(2)
     play_.p = replace(play_.p, improper_angle_deg=45.0)
     film, seen = play_.film, dict.fromkeys(["", "tank", "quadrant", "heading", "touched"], 0)
     for _ in range(200):
         fish = in_film(film, rng, small)
-        goal = spot(*small.random_point(rng))._replace(free=free)
+        goal = toy.spot(*small.random_point(rng))._replace(free=free)
         starts = play_.next_candidates(fish)
         ways = play_.roll_out(play_.next_place(fish), starts, goal)
         for way, (row, rot, seam) in enumerate(zip(*starts[:3], strict=True)):
@@ -314,7 +280,7 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
 @pytest.mark.parametrize("choice", ["play", "jump", "any"])
 def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, choice):
     film, table, pairs = posed_film(pose)
-    found, edit = edit_of(player_in("loops", pose, loop_end_choice=choice), A, 1200, 1)
+    found, edit = toy.edit_of(player_in("loops", pose, loop_end_choice=choice), A, 1200, 1)
     ends, jumps, before = partners(pairs), 0, None
     for one in found.stretches:
         assert (np.diff(one.number) == 1).all() and film.has_next[one.number[:-1]].all()
@@ -350,12 +316,12 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
 @pytest.mark.parametrize("choice", ["play", "jump", "any"])
 def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choice):
     """Fig. 10b."""
-    mode, rng = loops_of(loop_end_choice=choice), np.random.default_rng(5)
+    mode, rng = toy.loops_of(loop_end_choice=choice), np.random.default_rng(5)
     took = {True: 0, False: 0}
-    film, ends = mode.film, np.flatnonzero(loops_of().ends)
+    film, ends = mode.film, np.flatnonzero(toy.loops_of().ends)
     for _ in range(300):
         fish = in_film(film, rng)._replace(row=int(rng.choice(ends)))
-        goal = spot(*open_tank().random_point(rng))
+        goal = toy.spot(*toy.open_tank().random_point(rng))
         starts = mode.next_candidates(fish)
         ways = mode.roll_out(mode.next_place(fish), starts, goal)
         passes = ways.ticks > 0
@@ -388,7 +354,7 @@ def test_after_a_jump_comes_at_least_so_much_film(stay, choice):
     state = player.begin(rng)
     for _ in range(400):
         before = state
-        stretch, state = player.plan(state, Goal("A", *open_tank().random_point(rng)), rng)
+        stretch, state = player.plan(state, Goal("A", *toy.open_tank().random_point(rng)), rng)
         if rng.random() < 0.5:
             stretch, state = player.cut(before, stretch, int(rng.integers(1, 9)))
         if stretch.new:
@@ -399,26 +365,26 @@ def test_after_a_jump_comes_at_least_so_much_film(stay, choice):
             since = 0
         if since is not None:
             since += len(stretch.trajectory)
-    assert min(gaps) >= max(1, round(stay * DELTA)) and len(gaps) > 10
+    assert min(gaps) >= max(1, round(stay * toy.DELTA)) and len(gaps) > 10
 
 
-STRAIGHT_LOOPS = loops((20, 95), (22, 120), (60, 160), (104, 165), (110, 185))
+STRAIGHT_LOOPS = toy.loops((20, 95), (22, 120), (60, 160), (104, 165), (110, 185))
 
 
 def straight_on():
     """A straight film in two tracks, with loops in the beginning and the end of each."""
-    table = table_of(arc_track([0.0] * 99), arc_track([0.0] * 99))
-    return film_of(table, STRAIGHT_LOOPS)
+    table = toy.table_of(toy.arc_track([0.0] * 99), toy.arc_track([0.0] * 99))
+    return toy.film_of(table, STRAIGHT_LOOPS)
 
 
 @pytest.mark.parametrize("row", [10, 60, 90, 92, 93, 110, 183])
 def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
-    mode, rng = loops_of(straight_on()), np.random.default_rng(0)
-    film, x = mode.film, float(np.flatnonzero(open_tank().legal[300])[-1])
+    mode, rng = toy.loops_of(straight_on()), np.random.default_rng(0)
+    film, x = mode.film, float(np.flatnonzero(toy.open_tank().legal[300])[-1])
     fish = Fish(x, 300.0, 0.0, 2.0, IN_FILM, -1, row=row, since=100)
     ends = partners(STRAIGHT_LOOPS)
     for _ in range(20):
-        found = mode.next_stretch(fish, spot(100, 300), rng)
+        found = mode.next_stretch(fish, toy.spot(100, 300), rng)
         assert found.decision.reason == "spot"
         assert found.decision.candidates_tank == found.decision.candidates
         assert (found.trajectory == [x, 300.0, 0.0]).all() and not found.touches_goal
@@ -432,29 +398,36 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
 
 @pytest.mark.parametrize("mode", ["loops", "matching"])
 def test_a_dead_end_is_never_played_into(mode):
-    film = film_with_dead_ends()
+    film = toy.film_with_dead_ends()
     player = (
-        matching_of(film_world_of(film)) if mode == "matching" else paper_player(loops_of(film))
+        toy.matching_of(toy.film_world_of(film))
+        if mode == "matching"
+        else toy.paper_player(toy.loops_of(film))
     )
     goes_on = film.can_play_on(np.arange(len(film.has_next) - 1))
     assert not goes_on.all()
     for seed in range(2):
-        found, _ = edit_of(player, [], 2000, seed)
+        found, _ = toy.edit_of(player, [], 2000, seed)
         assert goes_on[np.concatenate([one.number for one in found.stretches])].all()
         assert sum(one.new for one in found.stretches) > 20
 
 
 def test_a_film_whose_loops_lead_to_its_end_alone_is_not_played():
-    assert loops_of().can_play and not loops_of(film_of(rich_table(), loops())).can_play
-    tail = table_of(arc_track([0.0] * 99), arc_track([0.0] * 99))
-    assert not loops_of(film_of(tail, loops((20, 150)))).can_play
+    assert (
+        toy.loops_of().can_play
+        and not toy.loops_of(toy.film_of(toy.rich_table(), toy.loops())).can_play
+    )
+    tail = toy.table_of(toy.arc_track([0.0] * 99), toy.arc_track([0.0] * 99))
+    assert not toy.loops_of(toy.film_of(tail, toy.loops((20, 150)))).can_play
 
 
 def three_ways():
     """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
-    table = table_of(arc_track([0.0] * 149), arc_track([2.0] * 149), arc_track([-2.0] * 149))
+    table = toy.table_of(
+        toy.arc_track([0.0] * 149), toy.arc_track([2.0] * 149), toy.arc_track([-2.0] * 149)
+    )
     pairs = [(20, 170), (20, 320), (41, 201), (41, 351), (60, 231), (60, 381), (25, 225), (25, 375)]
-    return film_of(table, loops(*pairs))
+    return toy.film_of(table, toy.loops(*pairs))
 
 
 @pytest.mark.parametrize(
@@ -464,13 +437,13 @@ def three_ways():
 )  # fmt: skip
 def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, rows):
     """No way leads back: what lies behind is of no quadrant that any loop end is in."""
-    mode = loops_of(three_ways(), loop_end_choice="any")
+    mode = toy.loops_of(three_ways(), loop_end_choice="any")
     fish = Fish(300.0, 300.0, 0.0, 2.0, IN_FILM, -1, row=19, since=100)
     draws = map(np.random.default_rng, range(30))
-    found = [mode.next_stretch(fish, spot(*goal), rng) for rng in draws]
+    found = [mode.next_stretch(fish, toy.spot(*goal), rng) for rng in draws]
     assert {int(one.number[0]) for one in found} == (rows or {20, 170, 320})
     for one in found:
-        assert one.trajectory[0] == pytest.approx((300 + STEP, 300, 0))
+        assert one.trajectory[0] == pytest.approx((300 + toy.STEP, 300, 0))
         assert one.new == (one.number[0] > 20)
         assert one.decision.candidates == 3 and one.decision.quadrant == (quadrant_ if rows else 0)
         assert one.decision.candidates_quadrant == 3 - len(rows)
@@ -482,26 +455,26 @@ def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, row
 @pytest.mark.parametrize("side", [LEFT, RIGHT])
 @pytest.mark.parametrize("angle", [2, 20, 60, 120, 180])
 def test_a_turn_is_done_step_by_step_to_the_end(side, angle):
-    plan = plan_turn(order().turns[side], angle, angle / 180, DELTA, settings("network"))
+    plan = plan_turn(toy.order().turns[side], angle, angle / 180, toy.DELTA, settings("network"))
     assert (np.diff(plan.share) > 0).all() and plan.share[0] > 0
     assert plan.share[-1] == 1
-    sequence = sprites().loc[plan.frames, "sequence"].unique()
+    sequence = toy.sprites().loc[plan.frames, "sequence"].unique()
     assert list(sequence) == ["left" if side == LEFT else "right"]
-    assert plan.frames[0] == sprites().index[sprites()["sequence"] == sequence[0]][0]
+    assert plan.frames[0] == toy.sprites().index[toy.sprites()["sequence"] == sequence[0]][0]
 
 
 def test_a_larger_area_bends_deeper_and_a_larger_angle_holds_longer():
-    turn, p = order().turns[LEFT], settings("network")
-    areas = [plan_turn(turn, 60, area, DELTA, p).area for area in (0.2, 0.5, 0.8, 1.0)]
+    turn, p = toy.order().turns[LEFT], settings("network")
+    areas = [plan_turn(turn, 60, area, toy.DELTA, p).area for area in (0.2, 0.5, 0.8, 1.0)]
     assert areas == sorted(areas) and areas[0] < areas[-1]
-    deep = [plan_turn(turn, angle, 1.0, DELTA, p) for angle in (90, 150, 180)]
+    deep = [plan_turn(turn, angle, 1.0, toy.DELTA, p) for angle in (90, 150, 180)]
     assert len(deep[0].frames) < len(deep[1].frames) <= len(deep[2].frames)
 
 
 def test_frames_turn_by_what_they_turned_in_the_film():
     # All nine frames once: their own angles, in the shares of the film.
-    plan = plan_turn(order().turns[LEFT], 120, 1.0, DELTA, settings("network"))
-    table = sprites()
+    plan = plan_turn(toy.order().turns[LEFT], 120, 1.0, toy.DELTA, settings("network"))
+    table = toy.sprites()
     film_deg = table.loc[table["sequence"] == "left", "turn_deg"].to_numpy()
     assert plan.film_deg == pytest.approx(film_deg[:-1].sum())
     assert np.diff(plan.share) * 120 == pytest.approx(film_deg[:-1], abs=2.5)
@@ -516,26 +489,25 @@ def network():
 
 
 def test_figure18_turns_towards_a_goal_beside_and_swims_straight_to_one_ahead():
-    mode, rng = network_of(), np.random.default_rng(0)
+    mode, rng = toy.network_of(), np.random.default_rng(0)
     fish = mode.begin(rng)._replace(x=400.0, y=300.0, heading=0.0)
     for (x, y), reason, side in (
         ((700.0, 300.0), "phase", np.nan), ((400.0, 100.0), "turn", 90.0),
         ((400.0, 500.0), "turn", -90.0),
     ):  # fmt: skip
-        found = mode.next_stretch(fish, spot(x, y), rng)
+        found = mode.next_stretch(fish, toy.spot(x, y), rng)
         assert found.decision.reason == reason
         assert found.decision.turn_deg == pytest.approx(side, nan_ok=True)
         assert np.isnan(found.area) == (reason != "turn")  # only then the network is asked
 
 
-class Recorder(Model):
+class Recorder(toy.Model):
     """A model that keeps what it is asked, and answers some motion area."""
 
     def __init__(self, answer):
         self.answer, self.asked = answer, []
 
     def predict(self, inputs):
-        """Motion area and swimming type (n, 2)."""
         self.asked.append(inputs.copy())
         return np.array([[self.answer, 0.0]])
 
@@ -543,10 +515,10 @@ class Recorder(Model):
 @pytest.mark.parametrize("answer", [-0.5, 0.3, 2.0])
 def test_a_turn_asks_the_network_for_what_eq_4_says_and_shows_its_area(answer):
     model, rng, sides = Recorder(answer), np.random.default_rng(1), set()
-    mode, turns = network_of(model=model), lesson().turns
+    mode, turns = toy.network_of(model=model), toy.lesson().turns
     fish, bent = mode.begin(rng), 0
     for _ in range(200):
-        goal = spot(*open_tank().random_point(rng))
+        goal = toy.spot(*toy.open_tank().random_point(rng))
         found = mode.next_stretch(fish, goal, rng)
         if found.decision.reason != "turn":
             assert not model.asked and np.isnan(found.area)
@@ -568,10 +540,13 @@ def test_a_turn_asks_the_network_for_what_eq_4_says_and_shows_its_area(answer):
 
 
 def test_a_turn_bends_as_far_as_the_network_says(network):
-    _, table = edit_of(network, [], 4000, 6)
+    _, table = toy.edit_of(network, [], 4000, 6)
     asked = table[table["motion_area"].notna() & table["reason"].notna()]
     assert (table["state"][table["motion_area"].notna()] == "turn").all()
-    area, begins = sprites()["motion_area_rel"].to_numpy(), np.flatnonzero(table["reason"].notna())
+    area, begins = (
+        toy.sprites()["motion_area_rel"].to_numpy(),
+        np.flatnonzero(table["reason"].notna()),
+    )
     deepest = [
         area[table["source"].iloc[a:b].to_numpy()].max()
         for a, b in pairwise([*begins, len(table)]) if table["state"].iloc[a] == "turn"
@@ -582,23 +557,31 @@ def test_a_turn_bends_as_far_as_the_network_says(network):
     assert motion_area_errors(table)["turn_area_missed_median"] == pytest.approx(missed)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_sprites_reach_all_goals_and_turn_towards_them_tick_by_tick(network, seed):
-    goals = random_goals(network.world, 3, np.random.default_rng(seed))
-    found, table = edit_of(network, goals, 1500, seed)
-    ticks = measures.arrival_ticks(table, goals, TOUCH, HEAD)
-    assert not np.isnan(ticks).any() and list(found.reached) == list(ticks)
-    assert turn_measures(table)["turns_monotone_pct"] == 100
-    assert set(table["kind"]) == {SPRITE} and set(table["mode"]) == {"network"}
+@pytest.mark.parametrize(
+    ("mode", "pose"), [("network", BODY), ("hybrid", BODY), ("hybrid", FILM), ("matching", BODY)]
+)
+def test_goals_are_reached_in_the_open_tank_and_sprites_turn_towards_them_tick_by_tick(mode, pose):
+    player, done = player_in(mode, pose), []
+    for seed in range(2):
+        goals = random_goals(player.world, 3, np.random.default_rng(seed))
+        found, table = toy.edit_of(player, goals, 2000, seed)
+        ticks = measures.arrival_ticks(table, goals, toy.TOUCH, toy.HEAD)
+        done.append(~np.isnan(ticks))
+        if mode == "hybrid":  # the way that touches a goal ends at a loop end
+            assert (found.reached >= ticks).all()
+        else:
+            assert list(found.reached) == [-1 if np.isnan(tick) else tick for tick in ticks]
+        assert mode != "network" or turn_measures(table)["turns_monotone_pct"] == 100
+    assert np.mean(done) >= (0.8 if mode == "matching" else 1.0)
 
 
 def test_when_the_goals_are_done_the_fish_wanders_on(network):
-    _, table = edit_of(network, A, 3000, 2)
+    _, table = toy.edit_of(network, A, 3000, 2)
     names = table["goal"].to_numpy()
     assert names[0] == "A" and names[-1] == ""
     wandering = table[names == ""]
-    assert np.ptp(wandering["x_px"]) > 0.5 * np.ptp(np.flatnonzero(open_tank().legal.any(0)))
-    assert set(wandering["state"]) >= {STATES[state] for state in phases().state} | {"turn"}
+    assert np.ptp(wandering["x_px"]) > 0.5 * np.ptp(np.flatnonzero(toy.open_tank().legal.any(0)))
+    assert set(wandering["state"]) >= {STATES[state] for state in toy.phases().state} | {"turn"}
 
 
 def with_phases(network, state, before):
@@ -610,28 +593,28 @@ def with_phases(network, state, before):
 
 
 def test_a_fish_is_in_all_states_of_the_film():
-    every = with_phases(network_of(), range(4), range(4, 0, -1))
-    _, table = edit_of(paper_player(every), [], 2000, 2)
+    every = with_phases(toy.network_of(), range(4), range(4, 0, -1))
+    _, table = toy.edit_of(toy.paper_player(every), [], 2000, 2)
     assert set(table["state"]) == set(STATES[:5])
     share = table["state"].value_counts(normalize=True)
     assert share.min() > 0.02
 
 
 def test_a_wandering_fish_swims_as_the_film_does(network):
-    _, table = edit_of(network, [], 10_000, 1)
-    film = measures.motion_of_film(lessons(), lesson())
+    _, table = toy.edit_of(network, [], 10_000, 1)
+    film = measures.motion_of_film(toy.lessons(), toy.lesson())
     far = measures.kinematic_distances(measures.motion_of_edit(table, network), film)
     assert far["speed_kinematic_distance_sd"] < 0.5
     assert far["turn_rate_kinematic_distance_sd"] < 0.5
 
 
 def test_a_way_leads_round_a_wall_to_the_goal_and_into_a_corner():
-    arena = ARENA.copy()
+    arena = toy.ARENA.copy()
     arena[:380, 390:410] = False
-    player = paper_player(network_of(world_of(make_tank(arena, 0.6 * LENGTH))))
+    player = toy.paper_player(toy.network_of(toy.world_of(make_tank(arena, 0.6 * toy.LENGTH))))
     goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 38.0, 30.0)]
-    _, found = edit_of(player, goals, 2500, 3)
-    assert not np.isnan(measures.arrival_ticks(found, goals, TOUCH, HEAD)).any()
+    _, found = toy.edit_of(player, goals, 2500, 3)
+    assert not np.isnan(measures.arrival_ticks(found, goals, toy.TOUCH, toy.HEAD)).any()
     legal = player.world.tank.legal
     assert all(is_legal_point(legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
 
@@ -651,13 +634,13 @@ def test_every_switch_goes_through_a_gateway_as_it_is_listed(pose):
     listed = gates.set_index(["direction", "orientation", "sprite", "row"])["distance"]
     player = player_in("hybrid", pose)
     goals = random_goals(player.world, 40, np.random.default_rng(0))
-    _, table = edit_of(player, goals, 2500, 2)
+    _, table = toy.edit_of(player, goals, 2500, 2)
     into, out = switches(table)
     assert len(into) > 5 and len(out) > 5 and abs(len(into) - len(out)) <= 1
     heading, number = table["heading_deg"].to_numpy(float), table["source"].to_numpy()
     sector = np.zeros(len(table), int)
     if pose == FILM:
-        sector = find_orientations(heading, ORIENTATIONS)
+        sector = find_orientations(heading, toy.ORIENTATIONS)
     for tick in into:
         gate = "in", sector[tick - 1], number[tick - 1], number[tick]
         assert table["seam"][tick] == pytest.approx(listed[gate])  # steps of a film whose own is 1
@@ -686,15 +669,15 @@ def test_every_switch_goes_through_a_gateway_as_it_is_listed(pose):
 @pytest.mark.parametrize("speed", [0.6, 1.3])
 def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
     """After the film always comes a tail beat; the only way out leads to its fourth sprite."""
-    gates = gateways(every=1).query("direction == 'in' or sprite == 3")
-    mode, rng = hybrid_of(gates=gates), np.random.default_rng(0)
+    gates = toy.gateways(every=1).query("direction == 'in' or sprite == 3")
+    mode, rng = toy.hybrid_of(gates=gates), np.random.default_rng(0)
     network, film = with_phases(mode.network, [ACCELERATE], [STRAIGHT]), mode.loops.film
     for _ in range(40):
         fast = network.sprites.cycle_speed * speed
         fish = in_film(film, rng)._replace(x=400.0, y=300.0, speed=fast)
         starts = mode.loops.next_candidates(fish)
         angle = np.radians(fish.heading)
-        goal = spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
+        goal = toy.spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
         ways = mode.loops.roll_out(mode.loops.next_place(fish), starts, goal)
         left = mode.leave_film(fish, ways, goal)
         assert list(left.number) == [3] and left.new and left.decision.exit == "no_way"
@@ -705,10 +688,10 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
 
 
 def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
-    mode, rng, entered = hybrid_of(), np.random.default_rng(2), 0
+    mode, rng, entered = toy.hybrid_of(), np.random.default_rng(2), 0
     fish = mode.begin(rng)
     for _ in range(400):
-        goal = spot(*open_tank().random_point(rng))
+        goal = toy.spot(*toy.open_tank().random_point(rng))
         found = mode.next_stretch(fish, goal, rng)
         starts = mode.rows_behind_gateways(fish) if fish.row < 0 else None
         if starts is not None:
@@ -723,39 +706,35 @@ def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
     assert entered > 5
 
 
-@pytest.mark.parametrize("pose", [BODY, FILM])
-def test_hybrid_reaches_all_goals_in_the_open_tank(pose):
-    player = player_in("hybrid", pose)
-    for seed in range(2):
-        goals = random_goals(player.world, 3, np.random.default_rng(seed))
-        found, table = edit_of(player, goals, 2500, seed)
-        assert not np.isnan(measures.arrival_ticks(table, goals, TOUCH, HEAD)).any()
-        assert (found.reached >= 0).all()
-
-
 def test_hybrid_without_loops_or_gateways_is_network_mode(network):
     goals = [Goal("A", 200.0, 200.0), Goal("B", 600.0, 500.0)]
-    _, wanted = edit_of(network, goals, 1200, 3)
-    none = gateways().iloc[:0]
-    for film, gates in ((rich_film(), none), (film_of(rich_table(), loops()), gateways())):
-        _, mine = edit_of(paper_player(hybrid_of(film, gates=gates)), goals, 1200, 3)
+    _, wanted = toy.edit_of(network, goals, 1200, 3)
+    none = toy.gateways().iloc[:0]
+    for film, gates in (
+        (toy.rich_film(), none),
+        (toy.film_of(toy.rich_table(), toy.loops()), toy.gateways()),
+    ):
+        _, mine = toy.edit_of(toy.paper_player(toy.hybrid_of(film, gates=gates)), goals, 1200, 3)
         pd.testing.assert_frame_equal(mine, wanted)
 
 
 def test_gateways_that_lead_nowhere_are_not_taken():
     """Film that ends, and film from which no gateway leads."""
-    last, leads_in = np.flatnonzero(~rich_film().has_next), gateways().query("direction == 'in'")
+    last, leads_in = (
+        np.flatnonzero(~toy.rich_film().has_next),
+        toy.gateways().query("direction == 'in'"),
+    )
     for gates in (leads_in.iloc[: len(last)].assign(row=last), leads_in):
-        _, table = edit_of(paper_player(hybrid_of(gates=gates)), [], 600, 1)
+        _, table = toy.edit_of(toy.paper_player(toy.hybrid_of(gates=gates)), [], 600, 1)
         assert (table["kind"] == SPRITE).all()
 
 
 def test_a_sprite_has_an_orientation_and_a_frame_has_none():
-    _, table = edit_of(player_in("hybrid"), A, 1500, 2)
+    _, table = toy.edit_of(player_in("hybrid"), A, 1500, 2)
     for kind, name in (("kind", "orientation"), ("partner_kind", "partner_orientation")):
         assert table[kind].isin([FRAME]).any() and table[kind].isin([SPRITE]).any()
         assert (table[name].notna() == (table[kind] == SPRITE)).all()
-        assert table[name].dropna().between(1, ORIENTATIONS).all()
+        assert table[name].dropna().between(1, toy.ORIENTATIONS).all()
 
 
 @pytest.mark.parametrize(
@@ -764,12 +743,12 @@ def test_a_sprite_has_an_orientation_and_a_frame_has_none():
 def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode, ticks):
     changes = {}
     if mode == "matching":
-        changes = {"search_step_deltas": 2.0, "cross_fade_deltas": ticks / DELTA, "join": FADE}
+        changes = {"search_step_deltas": 2.0, "cross_fade_deltas": ticks / toy.DELTA, "join": FADE}
     player = player_in(mode, **changes)
-    found, table = edit_of(player, A, 1500, 2)
+    found, table = toy.edit_of(player, A, 1500, 2)
     fade = player.joins.fade if ticks is None else ticks
-    film = rich_film()
-    assert ticks is not None or fade == round(settings("animate").cross_fade_deltas * DELTA) > 1
+    film = toy.rich_film()
+    assert ticks is not None or fade == round(settings("animate").cross_fade_deltas * toy.DELTA) > 1
     number, kind = table["source"].to_numpy(), table["kind"].to_numpy()
     rotation, weight = table["rotation_deg"].to_numpy(float), table["weight"].to_numpy(float)
     starts = np.cumsum([0, *(len(one.trajectory) for one in found.stretches)])
@@ -789,7 +768,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode,
         old = number[begin - 1]
         for tick in range(begin, min(begin + fade, later)):
             goes_on = kind[begin - 1] == FRAME
-            old = old + int(film.has_next[old]) if goes_on else order().following[old]
+            old = old + int(film.has_next[old]) if goes_on else toy.order().following[old]
             row = table.iloc[tick]
             assert (row["partner_kind"], row["partner"]) == (kind[begin - 1], old)
             if goes_on:
@@ -799,7 +778,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode,
 
 @pytest.mark.parametrize("mode", ["hybrid", "matching"])
 def test_wandering_uses_much_of_the_tank_and_of_the_film(mode):
-    _, table = edit_of(player_in(mode), [], 3000, 5)
+    _, table = toy.edit_of(player_in(mode), [], 3000, 5)
     assert np.ptp(table["x_px"]) > 250 and np.ptp(table["y_px"]) > 250
     assert table["source"][table["kind"] == FRAME].nunique() > 300
     assert longest_repeat(table) < 500

@@ -55,7 +55,6 @@ def straight_body(wide=WIDE, fin=0.0):
 
 
 def cut(picture):
-    """A drawn picture as a cut-out."""
     return Cutout(1, 1, 0, 0, np.rint(picture * 255).astype(np.uint8))
 
 

@@ -36,18 +36,8 @@ from finloop.io.picture import load_picture
 from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.io.video import read_frames
+from finloop.plots import render as plots
 from finloop.plots.parts import crop_part
-from finloop.plots.render import (
-    AFTER,
-    BEFORE,
-    TICKS,
-    Tile,
-    choose_switch_ticks,
-    draw_tiles,
-    draw_trajectory,
-    find_liveliest_start,
-    ticks_around_switch,
-)  # fmt: skip
 from finloop.puppet import PlacedBackbone
 from finloop.render.gallery import CutoutSet, Gallery, place_rows, place_ticks
 from finloop.render.marks import (
@@ -87,7 +77,6 @@ def fish(pixels=None, **how):
 
 
 def paint_fish(x, y, one, partner=None, weight=0.0, tank=BLACK):
-    """The tank with a fish in it."""
     painter = Painter(tank)
     painter.draw(x, y, one, partner, weight)
     return painter.frame.copy()
@@ -358,7 +347,7 @@ def test_marks_of_several_fish_grow_each_its_own_way():
 def test_the_trajectory_of_several_fish_does_not_join_them():
     goal = ["A"] * 3 + [""] + ["B"] * 4
     edit = two_fish(4).assign(x_px=[20.0, 30, 40, 50, 100, 110, 120, 130], goal=goal)
-    figure = draw_trajectory(edit, [Goal("A", 20.0, 20.0), Goal("B", 90.0, 20.0)], TANK)
+    figure = plots.draw_trajectory(edit, [Goal("A", 20.0, 20.0), Goal("B", 90.0, 20.0)], TANK)
     lines = segments(figure)
     assert len(lines) == 6 and max(np.hypot(*np.diff(s, axis=0).T).max() for s in lines) < 11
     texts = [one.get_text() for one in figure.axes[0].texts]
@@ -366,7 +355,6 @@ def test_the_trajectory_of_several_fish_does_not_join_them():
 
 
 def segments(figure):
-    """The pieces of the lines that a figure draws."""
     lines = [one for one in figure.axes[0].collections if isinstance(one, LineCollection)]
     return [piece for line in lines for piece in line.get_segments()]
 
@@ -592,22 +580,22 @@ def test_a_name_at_the_edge_is_written_to_the_other_side():
 
 def test_the_trajectory_shows_ways_and_goals():
     edit = journey()
-    figure = draw_trajectory(edit, GOALS, TANK)
+    figure = plots.draw_trajectory(edit, GOALS, TANK)
     assert len(segments(figure)) == len(edit) - 1
     assert {text.get_text() for text in figure.axes[0].texts} == {"A  0.4 s", "B  0.8 s"}
     key = {text.get_text() for text in figure.legends[0].get_texts()}
     assert key == {"straight", "turn", "wandering", "start"}
-    assert draw_trajectory(edit.iloc[:1], GOALS, TANK).axes  # of a single tick, too
+    assert plots.draw_trajectory(edit.iloc[:1], GOALS, TANK).axes  # of a single tick, too
 
 
 def test_the_sheet_begins_where_most_happens():
     edit = journey()
-    assert 8 <= find_liveliest_start(edit, 10) <= 13
-    assert find_liveliest_start(edit, 30) == find_liveliest_start(edit, 99) == 0
+    assert 8 <= plots.find_liveliest_start(edit, 10) <= 13
+    assert plots.find_liveliest_start(edit, 30) == plots.find_liveliest_start(edit, 99) == 0
     over = edit.assign(heading_deg=[*[179.0, -179.0] * 5, *range(0, 60, 3)])  # ±180 is no turn
-    assert find_liveliest_start(over, 10) >= 9
-    tiles = [Tile(TANK[:41, :41], tick, "turn", "#D55E00", 0.3) for tick in range(10)]
-    sheet = draw_tiles(tiles, columns=4, size=60)
+    assert plots.find_liveliest_start(over, 10) >= 9
+    tiles = [plots.Tile(TANK[:41, :41], tick, "turn", "#D55E00", 0.3) for tick in range(10)]
+    sheet = plots.draw_tiles(tiles, columns=4, size=60)
     assert sheet.shape == (3 * (60 + 18 + 2), 4 * 62, 3)
 
 
@@ -742,7 +730,6 @@ def too_short(folder):
 
 
 def edit_columns(folder, **columns):
-    """Change columns of the edit list."""
     path = folder / "data/animate/network.parquet"
     save_table(path, pd.read_parquet(path).assign(**columns), EDIT)
 
@@ -876,7 +863,7 @@ def test_switches_are_between_kinds_and_across_the_film():
         (edit_of_kinds([("sprite", 30)], fades=(9,)), [9]), (edit_of_kinds([("sprite", 30)]), []),
         (edit_of_kinds([("frame", 1)]), []), (edit_list(20, source=source), [10]),  # a plain jump
     ):  # fmt: skip
-        assert choose_switch_ticks(one, FRAMES, 12) == switches
+        assert plots.choose_switch_ticks(one, FRAMES, 12) == switches
 
 
 def test_of_many_switches_some_of_either_sort_are_shown_spread_over_the_animation():
@@ -886,20 +873,20 @@ def test_of_many_switches_some_of_either_sort_are_shown_spread_over_the_animatio
     )
     between = {t for i in range(10) for t in (100 * i, 100 * i + 20)} - {0}
     for most in (1, 2, 5, 12, 30, 79):
-        shown = choose_switch_ticks(edit, FRAMES, most)
+        shown = plots.choose_switch_ticks(edit, FRAMES, most)
         assert shown == sorted(set(shown)) and len(shown) == most
         assert len(between & set(shown)) == min(len(between), max(most - 60, most // 2))
-    assert len(choose_switch_ticks(edit, FRAMES, 1000)) == 19 + 60
-    assert np.ptp(choose_switch_ticks(edit, FRAMES, 12)) > 800
+    assert len(plots.choose_switch_ticks(edit, FRAMES, 1000)) == 19 + 60
+    assert np.ptp(plots.choose_switch_ticks(edit, FRAMES, 12)) > 800
     only = edit_of_kinds([("sprite", 20), ("frame", 20)] * 10)
-    assert len(choose_switch_ticks(only, FRAMES, 12)) == 12  # there is no other sort
+    assert len(plots.choose_switch_ticks(only, FRAMES, 12)) == 12  # there is no other sort
 
 
 @pytest.mark.parametrize("count", [2, 5, 30])
 @pytest.mark.parametrize("tick", [0, 1, 4])
 def test_around_a_switch_are_ticks_of_the_animation(count, tick):
-    found = ticks_around_switch(min(tick, count - 1), count)
-    assert len(found) == min(count, BEFORE + AFTER)
+    found = plots.ticks_around_switch(min(tick, count - 1), count)
+    assert len(found) == min(count, plots.BEFORE + plots.AFTER)
     assert found[0] >= 0 and found[-1] < count and min(tick, count - 1) in found
 
 
@@ -920,5 +907,5 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
     stages.render.main()
     stages.plots.render.main()
     sheet = load_picture(Path("reports/modes/render/switches.png"))
-    one = load_picture(Path("reports/modes/render/contact_sheet.png")).shape[0] / (TICKS / 8)
+    one = load_picture(Path("reports/modes/render/contact_sheet.png")).shape[0] / (plots.TICKS / 8)
     assert sheet.shape[0] == 3 * one

@@ -33,18 +33,13 @@ Usage = namedtuple("Usage", "total used free")
 # --- pieces
 
 
-def test_a_piece_that_is_kept_is_not_made_again(tmp_path):
-    pieces = Pieces(tmp_path / "a")
-    assert pieces.stored_bytes() == 0
-    assert pieces.load_or_make("1", lambda: [1, "b"]) == [1, "b"]
-    assert pieces.load_or_make("1", lambda: 1 / 0) == [1, "b"]
-    assert pieces.stored_bytes() == (tmp_path / "a/1").stat().st_size
-
-
 @pytest.mark.parametrize("left", [0, 4, 12, -1])
-def test_a_piece_that_is_damaged_is_made_again(tmp_path, left):
+def test_a_piece_that_is_kept_is_not_made_again_unless_it_is_damaged(tmp_path, left):
     pieces = Pieces(tmp_path)
-    pieces.load_or_make("1", lambda: list(range(99)))
+    assert pieces.stored_bytes() == 0
+    for make in (lambda: list(range(99)), lambda: 1 / 0):
+        assert pieces.load_or_make("1", make) == list(range(99))
+    assert pieces.stored_bytes() == (tmp_path / "1").stat().st_size
     (tmp_path / "1").write_bytes((tmp_path / "1").read_bytes()[:left])
     assert pieces.load_or_make("1", lambda: "new") == "new"
     assert pieces.load_or_make("1", lambda: 1 / 0) == "new"
@@ -78,7 +73,6 @@ def film_run(tmp_path_factory):
 
 @pytest.fixture
 def workspace(film_run, tmp_path, monkeypatch):
-    """A folder with a copy of the clip."""
     prepare(tmp_path, *FILM)
     shutil.copytree(film_run / "data/clip", tmp_path / "data/clip")
     monkeypatch.chdir(tmp_path)
@@ -88,7 +82,6 @@ def workspace(film_run, tmp_path, monkeypatch):
 
 @pytest.fixture
 def span_counts(monkeypatch):
-    """Counts how often each stretch is computed."""
     counts, compute = Counter(), film._detect_span
 
     def count_span(film, scene, detector, span):
@@ -104,22 +97,19 @@ def interrupt(monkeypatch, frames=40):
     with monkeypatch.context() as patch:
         left = iter(range(frames))
         links = film.TrackLinker.link_frame
-        patch.setattr(
-            film.TrackLinker,
-            "link_frame",
-            lambda *a: links(*a) if next(left, None) is not None else stop(),
-        )
+
+        def link_or_stop(*given):
+            if next(left, None) is None:
+                raise KeyboardInterrupt
+            return links(*given)
+
+        patch.setattr(film.TrackLinker, "link_frame", link_or_stop)
         with pytest.raises(KeyboardInterrupt):
             stages.extract.main()
 
 
-def stop():
-    raise KeyboardInterrupt
-
-
-def test_an_interrupted_run_goes_on_where_it_was(
-    workspace, film_run, span_counts, monkeypatch, capsys
-):
+@pytest.mark.usefixtures("workspace")
+def test_an_interrupted_run_goes_on_where_it_was(film_run, span_counts, monkeypatch, capsys):
     interrupt(monkeypatch)
     assert not EXTRACT.exists() and dict(span_counts) == dict.fromkeys((0, 12, 24, 36), 1)
     stages.extract.main()
@@ -186,7 +176,6 @@ def test_a_disk_that_gets_full_leaves_nothing_half(workspace, film_run, monkeypa
 
 
 def damage(clip, first, last):
-    """Overwrite these frames of a clip."""
     with av.open(str(clip)) as container:
         stream = container.streams.video[0]
         packets = [(p.pts, p.pos, p.size) for p in container.demux(stream) if p.size]

@@ -91,7 +91,6 @@ def of_poses(poses, made, rate_hz=25.0, **changes):
 
 
 def distances(points, others):
-    """How far points (…, 2) are apart."""
     return np.hypot(*np.moveaxis(points - others, -1, 0))
 
 

@@ -23,7 +23,7 @@ from finloop.social.zones import NO_ZONES, Zones
 
 NEAR = Zones(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 3.0)  # attraction alone
 FAR = Zones(30.0, 30.0, 30.0, 0.0, 3.0, 0.0, 0.0)  # repulsion alone
-TICKS = 500
+TICKS = 400
 
 
 @cache
@@ -32,13 +32,8 @@ def water(rule="zones", fish=5, follow=(), overlap=False):
     arena = np.zeros((900, 900), bool)
     arena[50:-50, 50:-50] = True
     room_ = make_tank(arena, 0.6 * LENGTH)
-    return film_world_of(
-        room_=room_,
-        rule=rule,
-        fish=fish,
-        follow_pairs=[list(one) for one in follow],
-        overlap=overlap,
-    )
+    pairs = [list(one) for one in follow]
+    return film_world_of(room_=room_, rule=rule, fish=fish, follow_pairs=pairs, overlap=overlap)
 
 
 def player_of(zones, **by):
@@ -46,7 +41,6 @@ def player_of(zones, **by):
 
 
 def planner_of(own_world):
-    """A planner without pictures."""
     return MatchingAnimator(matching_of(own_world), None, 1.0, own_world.settings)
 
 
@@ -76,13 +70,10 @@ def gaps(player, edit):
 
 
 def test_fish_that_attract_each_other_come_together_and_others_part():
-    near, far = (player_of(zones) for zones in (NEAR, FAR))
-    together, apart = (
-        np.mean([gaps(player, swim_group(player, seed=seed)) for seed in range(3)])
-        for player in (near, far)
-    )
-    assert together < 0.6 * apart
-    assert set(swim_group(near)["goal"]) >= {"company"}
+    players = player_of(NEAR), player_of(FAR)
+    near, far = (swim_group(player) for player in players)
+    assert gaps(players[0], near) < 0.6 * gaps(players[1], far)
+    assert set(near["goal"]) >= {"company"}
 
 
 def test_a_fish_of_which_nothing_is_wished_swims_as_without_a_rule():
@@ -117,15 +108,6 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
     assert not wanders.by_rule and tuple(wanders.place) != tuple(begun.place)
 
 
-def test_the_same_state_and_draws_wish_the_same():
-    player = player_of(NEAR)
-    state = player.begin(np.random.default_rng(0))
-    rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
-    one, other = (player.plan(state, rule, np.random.default_rng(4)) for _ in range(2))
-    assert one[0].trajectory.tolist() == other[0].trajectory.tolist()
-    assert one[1].place.tolist() == other[1].place.tolist()
-
-
 def test_zones_that_nobody_knows_are_asked_for():
     player = replace(player_of(NEAR), shoaling=None)
     with pytest.raises(FinloopError, match="no zones for fish in a school") as caught:
@@ -155,11 +137,11 @@ def test_followers_keep_near_their_leader_who_swims_to_its_goals():
     alone = swim_group(player_of(NEAR, rule="none", fish=3), 400, goals=goals)
     apart = alone[["x_px", "y_px"]].to_numpy().reshape(3, -1, 2)
     for follower in (1, 2):
-        behind = np.hypot(*(where[follower] - where[0]).T)[200:] / LENGTH
-        assert np.median(behind) < 6
-        assert np.median(behind) < np.median(
-            np.hypot(*(apart[follower] - apart[0]).T)[200:] / LENGTH
+        behind, free = (
+            np.median(np.hypot(*(one[follower] - one[0]).T)[200:] / LENGTH)
+            for one in (where, apart)
         )
+        assert behind < min(6, free)
     first, second = (edit[edit["fish"] == fish] for fish in (0, 1))
     assert {"A", "B"} <= set(first["goal"])
     assert set(second["goal"]) <= {"leader", ""}
@@ -168,9 +150,8 @@ def test_followers_keep_near_their_leader_who_swims_to_its_goals():
 def test_a_follower_swims_behind_its_leader():
     player = player_of(NEAR)
     fish = player.begin(np.random.default_rng(0)).fish
-    place, left = place_by_rule(
-        Rule.to_follow(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.world, None
-    )
+    rule = Rule.to_follow(np.array([400.0, 300.0, 90.0, 0.0]))
+    place, left = place_by_rule(rule, fish, player.world, None)
     assert place == pytest.approx([400, 300 + LENGTH]) and left == 0
 
 
@@ -203,10 +184,8 @@ def test_some_follow_and_the_rest_swim_in_company_or_each_by_itself():
 # --- in the live tank
 
 
-def live(zones=NEAR, fish=4, known=True):
-    player = player_of(zones, rule="none", fish=fish)
-    player = player if known else replace(player, shoaling=None)
-    return LiveTank({"matching": player}, "matching", fish, 3)
+def live(zones=NEAR, fish=4):
+    return LiveTank({"matching": player_of(zones, rule="none", fish=fish)}, "matching", fish, 3)
 
 
 def place_rows(tank, ticks):
@@ -220,10 +199,8 @@ def place_rows(tank, ticks):
 
 def spread(places):
     """How far fish are from their middle, body lengths."""
-    return (
-        float(np.hypot(*(places - places.mean(1, keepdims=True)).transpose(2, 0, 1)).mean())
-        / LENGTH
-    )
+    off = places - places.mean(1, keepdims=True)
+    return float(np.hypot(*off.transpose(2, 0, 1)).mean()) / LENGTH
 
 
 def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
@@ -277,9 +254,8 @@ def test_who_would_follow_in_a_circle_is_refused_and_told():
     view = TankView(live(), None, None)
     view.handle_request(parse_message('{"do": "rule", "fish": 0, "leader": 1}'))
     assert view.tank.leaders == {1: 2} and view.refused == ""
-    view.handle_request(
-        parse_message('{"do": "rule", "fish": null, "leader": 0}')
-    )  # everybody, also who leads it
+    # Everybody, also who leads it.
+    view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": 0}'))
     assert "fish 2 follows fish 1 follows fish 2" in view.refused
     assert view.tank.leaders == {1: 2}
     view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": 1}'))
@@ -288,21 +264,15 @@ def test_who_would_follow_in_a_circle_is_refused_and_told():
     assert view.tank.leaders == {1: 2, 3: 2, 4: 2}
 
 
-def test_company_of_which_nothing_is_known_is_refused():
-    view = TankView(live(known=False), None, None)
-    view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": null}'))
-    assert "calibrate" in view.refused and view.tank.fish[0].rule_task is None
-    view.handle_request(
-        parse_message('{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}')
-    )
-    assert view.tank.shoaling is None
-
-
-def test_company_of_a_film_without_steps_is_refused():
-    view = TankView(live(), None, None)
-    view.tank.shoaling = stepless()
-    view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": null}'))
-    assert "too short" in view.refused and view.tank.fish[0].rule_task is None
+def test_company_of_which_nothing_is_known_or_without_steps_is_refused():
+    weights = '{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}'
+    for rule, said in ((None, "calibrate"), (stepless(), "too short")):
+        view = TankView(live(), None, None)
+        view.tank.shoaling = rule
+        view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": null}'))
+        assert said in view.refused and view.tank.fish[0].rule_task is None
+        view.handle_request(parse_message(weights))
+        assert (view.tank.shoaling is None) == (rule is None)
 
 
 def test_a_follower_whose_leader_is_gone_wanders():

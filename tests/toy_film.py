@@ -115,7 +115,6 @@ def phases(rate: float = RATE) -> Phases:
 
 
 def planning(**changes) -> AllSettings:
-    """The parameters of the planner of `matching`, some changed."""
     common, own = (read_conf_values(word, "default") for word in ("animate", "matching"))
     assert changes.keys() <= common.keys() | own.keys()
     return merge_settings(
@@ -278,12 +277,10 @@ def random_film(rng, most_rows=24):
 
 @cache
 def open_tank() -> Tank:
-    """The tank that the toy fish fits in."""
     return make_tank(ARENA, 0.6 * LENGTH)
 
 
 def film_world_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
-    """A film in a tank, with some parameters changed."""
     return FilmWorld(
         open_tank() if room_ is None else room_, lesson() if taught is None else taught,
         TOUCH, HEAD, rich_film() if film_ is None else film_,
@@ -331,20 +328,17 @@ def world_of(room_=None, taught=None) -> World:
 
 
 def network_of(world=None, model=None, **changes) -> Network:
-    """What moves sprites by the lessons, some parameters of `network` changed."""
     world = world_of() if world is None else world
     p = settings("network", **changes)
     return Network(world, order(), phases(), Model() if model is None else model, p)
 
 
 def loops_of(film_=None, world=None, **changes) -> Loops:
-    """What plays the loops of a film, some parameters of `loops` changed."""
     world = world_of() if world is None else world
     return Loops(world, rich_film() if film_ is None else film_, settings("loops", **changes))
 
 
 def hybrid_of(film_=None, world=None, gates=None) -> Hybrid:
-    """Loops and network, joined by gateways."""
     play = loops_of(film_, world)
     ways = Gateways(gateways() if gates is None else gates, 1.0, play)
     return Hybrid(network_of(play.world), play, ways)

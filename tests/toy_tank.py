@@ -32,7 +32,6 @@ def resting_players(share):
 
 
 def drop() -> np.ndarray:
-    """A soft round drop of grey with its alpha."""
     y, x = np.mgrid[:31, :31] - 15
     alpha = 255 * np.exp(-((x / 4) ** 2) - (y / 4) ** 2)
     return np.round(np.dstack([alpha, alpha])).astype(np.uint8)
