@@ -7,16 +7,17 @@ normalising.
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import json
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import prepare_folder, run_stage, write_table
+from benchmarks.speed import time_call
 from finloop.edit.modes import MODES
+from finloop.io.numbers import load_numbers
 
 PAPER_FRAMES = 4480
 TABLE = (
@@ -38,24 +39,17 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         prepare_folder(folder, ["clip=zebrafish"])
-        took = {}
-        for word in (*STAGES, *(f"modes-{mode}" for mode in MODES)):
-            start = time.perf_counter()
-            run_stage(folder, word)
-            took[word] = time.perf_counter() - start
-        features = (folder / "reports/features/metrics.json").read_text(encoding="utf-8")
-        fish_frames = json.loads(features)["fish_frames"]
-    table = pd.DataFrame(
-        [
-            {
-                "process": process,
-                f"paper ({PAPER_FRAMES} frames)": paper,
-                f"here, s ({fish_frames} fish-frames)": round(sum(took[word] for word in words), 1),
-            }
-            for process, paper, words in TABLE
-        ]
-    )
-    write_table(__file__, table)
+        seconds = {}
+        for stage in (*STAGES, *(f"modes-{mode}" for mode in MODES)):
+            seconds[stage], _ = time_call(partial(run_stage, folder, stage))
+        fish_frames = load_numbers(folder / "reports/features")["fish_frames"]
+    ours = f"here, s ({fish_frames} fish-frames)"
+    rows = [
+        (process, paper, round(sum(seconds[stage] for stage in stage_names), 1))
+        for process, paper, stage_names in TABLE
+    ]
+    columns = ["process", f"paper ({PAPER_FRAMES} frames)", ours]
+    write_table(__file__, pd.DataFrame(rows, columns=columns))
     print("each mode: an animation of 60 s, `animate.trials` and those that `realism` compares")
 
 

@@ -158,7 +158,8 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
         for finer in slices[number:]:
             first_row = first_rows[number, finer]
             if finer is scale:
-                first_row = (first_row + np.roll(first_row[::-1], 1)) / 2  # symmetric exactly
+                # A circulant; the mean with its transpose is symmetric to the last digit.
+                first_row = (first_row + np.roll(first_row[::-1], 1)) / 2
             row, column, value = _block_entries(first_row, scale, finer)
             rows.append(row)
             columns.append(column)

@@ -346,7 +346,7 @@ def _refuse_few_frames(samples: Mapping[SubcycleKey, SubcycleFrames]) -> None:
     few = [
         f"{name!r} in {letter}"
         for (name, letter), frames in samples.items()
-        if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST  # a frame at a key is not
+        if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST  # none at a key counts
     ]
     if few:
         raise FinloopError(
@@ -367,7 +367,7 @@ def _fit_smooth_contours(
     The cubics go through the key frames. NaN stays NaN. split: phase of key 2, in cycles;
     descriptor: how contours become coefficients.
     """
-    # First the pose of every frame half a cycle earlier, if need be: in A or B.
+    # At first every frame counts as one of the first half of the cycle: in A or B.
     subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
     first_half = dict[str, Points]()
     for name, points in film.contours.items():

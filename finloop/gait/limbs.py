@@ -165,12 +165,13 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
 def _find_hips(contours: Complex) -> Ints:
     """Return the number (frames,) of the point in each contour that is the top of the mean shape.
 
-    contours (frames, m): points x + iy, y down, clockwise. A contour starts where, turned and
-    moved, it fits the mean shape best: the greatest |Σ a̅ b| of centred contours a, b, by FFT.
+    contours (frames, m): points x + iy, y down, clockwise. The mean shape lies on a contour as it
+    fits best, turned and moved: with the greatest |Σ a̅ b| of centred contours a, b, by FFT.
     """
     centred = contours - contours.mean(axis=1, keepdims=True)
     spectra = np.fft.fft(centred, axis=1)
-    # The mean shape and the starts depend on each other: in turn, from the first contour on.
+    # The mean shape depends on the starts, which contour point lies on its point 0, and these on
+    # it: they are found in turn, beginning with the first contour as the mean.
     mean_shape = centred[0]
     for _ in range(ROUNDS):
         fits = np.fft.ifft(spectra * np.fft.fft(mean_shape).conj(), axis=1)
@@ -180,7 +181,7 @@ def _find_hips(contours: Complex) -> Ints:
             for contour, start, fit in zip(centred, starts, fits, strict=True)
         ]
         mean_shape = np.stack(aligned).mean(axis=0)
-    return starts + int(mean_shape.imag.argmin())
+    return (starts + int(mean_shape.imag.argmin())) % contours.shape[1]
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:

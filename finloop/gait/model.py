@@ -427,7 +427,7 @@ def contours_at_phases(
     """
     keys = four_key_frames(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
-    # First the pose of every phase half a cycle earlier, if need be: in subcycle 0 (A) or 1 (B).
+    # At first every phase counts as one of the first half: in subcycle 0 (A) or 1 (B).
     subcycle, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
     first_half = dict[str, Points]()
     for name in key1:

@@ -269,7 +269,7 @@ def _mirrored_point_order(pairs: Sequence[tuple[Points, Points]], closed: bool) 
     closed contour is reversed, and may begin at any point; an open one may be reversed.
     """
     forwards = np.arange(len(pairs[0][0]))
-    # Likenesses, summed over the pairs: of a closed contour by its start, of an open one.
+    # Summed over the pairs: if closed, for each start; if open, for both directions.
     start_likenesses, forwards_likeness, backwards_likeness = np.zeros(len(forwards)), 0.0, 0.0
     for first, second in pairs:
         a = _centred_complex_points(first)

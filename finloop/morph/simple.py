@@ -122,7 +122,7 @@ def _candidate_starts(a: Points, b: Points) -> list[int]:
     different: list[int] = []
     for start in starts:
         # At least 1/32 of the polygon apart: nearer ones give nearly the same path.
-        if all(min((start - s) % n, (s - start) % n) > n // 32 for s in different):
+        if all(min((start - other) % n, (other - start) % n) > n // 32 for other in different):
             different.append(start)
     return different
 
@@ -239,7 +239,8 @@ def _frames_along_path(poses: Points, frames: int, closed: bool) -> Points:
 def _smooth_in_time(stack: Points, width: float) -> Points:
     """Return the frames (f, n, 2) of a motion smoothed by a Gaussian in time; both ends stay.
 
-    width: its standard deviation in frames. The motion is mirrored beyond its ends.
+    width: its standard deviation in frames. Beyond an end the motion goes on as its own image under
+    reflection in that end.
     """
     reach = min(int(3 * width) + 1, len(stack) - 1)
     beyond = ((reach, reach), (0, 0), (0, 0))

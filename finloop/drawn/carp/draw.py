@@ -87,16 +87,7 @@ def draw_carp(line: Floats, fins: tuple[float, float], colours: FishColours) -> 
     picture = np.zeros((rows, columns, 4), np.float32)
     coverage = np.zeros((rows, columns), np.float32)
     _draw_fins(picture, coverage, fine_line, length_subpx, fins, colours.fin)
-    # The body covers the roots of the fins.
-    body = _find_body_pixels(fine_line, rows, columns, length_subpx)
-    shaded = _shade_body(body, colours.skin)
-    body_opacity = shaded[:, 3] * body.coverage
-    pixels, pixel_coverage = picture.reshape(-1, 4), coverage.reshape(-1)  # views
-    painted = pixels[body.flat_index] * (1 - body_opacity)[:, None]
-    painted[:, :3] += shaded[:, :3] * body_opacity[:, None]
-    painted[:, 3] += body_opacity
-    pixels[body.flat_index] = painted
-    pixel_coverage[body.flat_index] = np.maximum(pixel_coverage[body.flat_index], body.coverage)
+    _draw_body(picture, coverage, fine_line, length_subpx, colours.skin)  # over the fins' roots
     # From subpixels to pixels.
     size = (int(x1 - x0), int(y1 - y0))
     picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
@@ -136,6 +127,26 @@ def _draw_fins(
                     along=along * fin_length,
                     half_breadth=towards_edge * fin_length * shape.breadth * spread,
                 )  # fmt: skip
+
+
+def _draw_body(
+    picture: Image, coverage: Image, line: Floats, length_subpx: float, skin: Image
+) -> None:
+    """Draw the body into a picture (h, w, 4) and its coverage (h, w), which are changed.
+
+    Both are in subpixels. line (65, 2): midline in subpixels, head to tail; length_subpx: of the
+    body; skin: `FishColours.skin`.
+    """
+    rows, columns = coverage.shape
+    body = _find_body_pixels(line, rows, columns, length_subpx)
+    shaded = _shade_body(body, skin)
+    opacity = shaded[:, 3] * body.coverage
+    pixels, pixel_coverage = picture.reshape(-1, 4), coverage.reshape(-1)  # views
+    painted = pixels[body.flat_index] * (1 - opacity)[:, None]
+    painted[:, :3] += shaded[:, :3] * opacity[:, None]
+    painted[:, 3] += opacity
+    pixels[body.flat_index] = painted
+    pixel_coverage[body.flat_index] = np.maximum(pixel_coverage[body.flat_index], body.coverage)
 
 
 class _BodyPixels(NamedTuple):
