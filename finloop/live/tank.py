@@ -147,8 +147,8 @@ class LiveTank:
 
         fish_index: from 0; None: all fish. places: x, y px of the tank's picture. The path is moved
         to where a fish can be. If all of it lies within `touch_px` of its beginning, its end is a
-        goal. If it goes twice as far away and comes back, it is closed and repeats. FinloopError in
-        a mode of the paper.
+        goal. If it goes more than twice `touch_px` away, and ends within `touch_px`, it is closed
+        and repeats. FinloopError in a mode of the paper.
         """
         self._refuse_in_paper("a path")
         world = self.world

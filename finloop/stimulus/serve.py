@@ -164,6 +164,11 @@ class DisplayHub:
                 pong = {"kind": "pong", "sent": message.sent, "now": self._read_time()}
                 screen.send(pack_message(pong))
 
+    def store_calibration(self, calibration: DisplayCalibration, path: Path) -> None:
+        """Write a display's calibration to a file; pages that connect from now on get it, too."""
+        save_display(path, calibration)
+        self.feed.facts["display"] = calibration.model_dump(mode="json")
+
     def handle_frames(self, content: bytes) -> None:
         """Handle a page's records of displayed frames; here: ignore them."""
 
@@ -222,8 +227,7 @@ class SessionHub(DisplayHub):
                     what = "a calibration while a trial runs or waits is refused"
                 else:
                     what = "the display was calibrated"
-                    save_display(self._store, message.display)
-                    self.feed.facts["display"] = message.display.model_dump(mode="json")
+                    self.store_calibration(message.display, self._store)
                 self.session.report_event(what)
             case VisibilityMessage():
                 self.session.set_hidden(message.on)
@@ -279,8 +283,7 @@ class CalibrationHub(DisplayHub):
         """Answer a message of a display page; store a calibration that it holds."""
         super().handle_message(screen, message)
         if isinstance(message, CalibrationMessage):
-            save_display(self._store, message.display)
-            self.feed.facts["display"] = message.display.model_dump(mode="json")
+            self.store_calibration(message.display, self._store)
             self._done()
 
 

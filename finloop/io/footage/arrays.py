@@ -91,7 +91,8 @@ def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
     FinloopError if there is no such dataset, or several.
     """
     items: dict[str, Any] = {}
-    file.visititems(lambda name, item: items.update({name: item}))  # all: `update` returns None
+    # A visit goes on as long as the function returns None, as `update` does.
+    file.visititems(lambda name, item: items.update({name: item}))
     datasets = {name: item for name, item in items.items() if getattr(item, "shape", ())}
     films = {name: dataset for name, dataset in datasets.items() if _is_film(dataset)}
     if len(films) != 1:
