@@ -24,7 +24,7 @@ from finloop.jumps.signature import (
 )
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
-from finloop.plan.graph import motion_graph, neighbour_jumps
+from finloop.plan.graph import index_jumps, motion_graph
 
 COUNT, LEAST = 5, 8
 
@@ -230,7 +230,7 @@ def both_sides():
     n, rows = len(table), np.arange(10, 440, 10)
     ends = {"row": rows, "to": (rows + 37) % 430}
     jumps = pd.DataFrame({**ends, "mirrored": rows % 20 == 0, "seam": 0.5})
-    ways = neighbour_jumps(jumps, n)
+    ways = index_jumps(jumps, n)
     motion = film_world_of().motion
     return (table, jumps, motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n)))
 
@@ -252,7 +252,7 @@ def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():
 
 def test_without_mirror_images_the_film_is_no_longer():
     table, jumps, _ = both_sides()
-    ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
+    ways = index_jumps(jumps.assign(mirrored=False), len(table))
     assert len(ways.jump_slot) == len(table)
     none = np.zeros(len(table))
     made = motion_graph(table, ways, film_world_of().motion, BODY, none.astype(bool), none)

@@ -26,7 +26,7 @@ from finloop.edit.schema import Goal
 from finloop.forecast.sampling import Sampler
 from finloop.modes.animator import Animator, FilmData, ModeAssets
 from finloop.plan.cost import Rarity
-from finloop.plan.graph import motion_graph, neighbour_jumps, remove_dead_ends
+from finloop.plan.graph import index_jumps, motion_graph, remove_dead_ends
 from finloop.plan.matching_settings import AllSettings
 from finloop.plan.planner import Planner
 from finloop.plan.sources import FilmSource, PredictionSource
@@ -152,7 +152,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     for line in film_data.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
             barred[line.rows] = True  # the film does not show the path's own frames
-    jumps = neighbour_jumps(film_data.jumps, len(features))
+    jumps = index_jumps(film_data.jumps, len(features))
     graph = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative_row_costs)
     world = FilmWorld(
         common.tank, motion, common.touch_px, common.head_px, film=graph,

@@ -126,11 +126,12 @@ def loop_jumps(loops: LoopGraph, row_count: int, natural_step: float) -> Jumps:
     )
 
 
-def neighbour_jumps(jumps: pd.DataFrame, row_count: int) -> Jumps:
-    """Return the jumps of a table with the columns of `JUMPS`, sorted by row and then by seam.
+def index_jumps(jumps: pd.DataFrame, row_count: int) -> Jumps:
+    """Return the jumps of a table as arrays in which those of a row are found at once.
 
-    row_count: number n of rows of the film. If some jumps lead to mirror images, those from the
-    mirror images, rows n … 2 n − 1, are included.
+    jumps: table with the columns of `JUMPS`, already sorted by row and then by seam; row_count:
+    number n of rows of the film. If some jumps lead to mirror images, those from the mirror images,
+    rows n … 2 n − 1, are included.
     """
     source, to, to_mirror, seam = (
         jumps[name].to_numpy() for name in ("row", "to", "mirrored", "seam")
