@@ -29,7 +29,7 @@ from finloop.base.line import PX, Line
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.schema import TERMS, WAITING, Goal
 from finloop.features.table import wrap_deg
-from finloop.plan.cost import CHANCE, LAG, RARITY, REPEAT, SEAM, CostWeights
+from finloop.plan.cost import CHANCE, LAG, RARITY, REPEAT, SEAM, CostWeights, repeat_cost
 from finloop.plan.objectives import (
     estimate_angle_deg,
     path_objective,
@@ -270,6 +270,10 @@ def test_the_jumps_of_a_row_are_there_the_cheapest_first():
         for row in np.flatnonzero(reel.jump_slot >= 0):
             first, last = reel.start[reel.jump_slot[row] : reel.jump_slot[row] + 2]
             assert (np.diff(reel.seam[first:last]) >= 0).all()
+
+
+def test_film_just_seen_costs_less_and_less():
+    assert repeat_cost(np.array([0.0, 75.0, 300.0, 1e9]), WEIGHTS) == pytest.approx([20, 15, 0, 0])
 
 
 def test_a_fish_that_wanders_searches_with_the_whole_beam_where_few_branches_find_none():

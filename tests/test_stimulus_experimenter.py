@@ -33,6 +33,7 @@ STATE = {
     "animals": [["larva 1", 300.0, 500.0, 1.57, 0.02], ["larva 2", 900.0, 600.0, None, 4.0]],
     "heard": {"rival": 4, "taken": 1210}, "messages": ["10.0 s: older", "91.0 s: newer"],
 }  # fmt: skip
+SIZE = {"width": 1400, "height": 950}
 
 
 class Desk:
@@ -108,7 +109,7 @@ class Opened(Visit):
 
 
 def open_page(browser, desk, query=""):
-    context = browser.new_context(viewport={"width": 1400, "height": 950})
+    context = browser.new_context(viewport=SIZE)
     return Opened(desk, context.new_page(), query)
 
 
@@ -129,6 +130,8 @@ def one_page(browser, desk):
 @pytest.fixture
 def shown_page(one_page):
     """A page that is told everything anew; it shows states, and nobody presses anything."""
+    one_page.page.set_viewport_size(SIZE)
+    one_page.page.emulate_media(color_scheme="light")
     one_page.tell(WHOLE)
     yield one_page
     assert one_page.bad == []
@@ -303,9 +306,8 @@ def ink(opened, x, y, reach):
 def test_the_map_shows_who_is_where(shown_page, scheme):
     shown_page.page.emulate_media(color_scheme=scheme)
     shown_page.tell()
-    fish, animal, lost = (
-        ink(shown_page, *place, 45) for place in ((600, 200), (300, 500), (900, 600))
-    )
+    places = (600, 200), (300, 500), (900, 600)
+    fish, animal, lost = (ink(shown_page, *place, 45) for place in places)
     assert fish["fish"] > 300 and fish["animal"] == fish["lost"] == 0
     assert animal["animal"] > 60 and animal["fish"] == animal["lost"] == 0
     assert lost["lost"] > 30 and lost["fish"] == lost["animal"] == 0
