@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import count
 
 import cv2
 import numpy as np
@@ -71,8 +70,8 @@ class Tank:
     def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
         """Return x, y px of the target if it is in sight, else of a point in sight on a path to it.
 
-        x, y, to_x, to_y: px of the fish and of the target. The point is the farthest on the
-        shortest path over legal pixels, on a coarse map of at most 200 cells a side.
+        x, y, to_x, to_y: px of the fish and of the target. Of the shortest path over legal pixels,
+        on a coarse map of at most 200 cells a side, the point is the farthest in sight.
         """
         if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
@@ -168,13 +167,6 @@ def _depth_px(arena: Mask) -> NDArray[np.float32]:
     return np.asarray(depth[1:-1, 1:-1], np.float32)
 
 
-def filmed_area(arena: Mask, hull: NDArray[np.int32]) -> Mask:
-    """Return the part (h, w) of an arena inside a hull: the corners of a polygon, whole px."""
-    inside = np.zeros(arena.shape, np.uint8)
-    cv2.fillConvexPoly(inside, hull, 1)
-    return arena & inside.astype(bool)
-
-
 @dataclass(frozen=True)
 class FilmHulls:
     """Convex hulls, as corners in whole px, of all outlines of a film and of those of its halves.
@@ -202,8 +194,8 @@ class FilmHulls:
     def are_complete(self) -> bool:
         """Return whether half of the film fills nearly as much area as all of it.
 
-        The mean of the first and the last half is compared. If False, the animals have not been
-        everywhere that they can be: a longer film would show more.
+        The mean area of the two halves is compared with that of the whole. If False, the animals
+        have not been everywhere that they can be: a longer film would show more.
         """
         half_areas = [cv2.contourArea(hull) for hull in self.halves]
         return len(half_areas) > 0 and bool(
@@ -278,7 +270,9 @@ def tank_area(
     """
     if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena
-    filmed = filmed_area(arena, hulls.whole)
+    in_hull = np.zeros(arena.shape, np.uint8)
+    cv2.fillConvexPoly(in_hull, hulls.whole, 1)
+    filmed = arena & in_hull.astype(bool)
     if tank_setting == "filmed":
         return filmed
     if filmed.mean() < _LEAST_FILMED:
@@ -291,10 +285,10 @@ def tank_area(
 def choose_fish_area(
     arena: Mask, hulls: FilmHulls, reach_px: float, tank_setting: str, floor: Picture | None = None
 ) -> Mask:
-    """Return where (h, w) a fish may be: `tank_area`, or the whole arena where that is too small.
+    """Return where (h, w) a fish may be: `tank_area`, or "auto" the arena where that is too small.
 
-    It is too small if the fish, which reaches `reach_px` from its centre, does not fit in it; then
-    "auto" gives the whole arena. The other parameters are those of `tank_area`.
+    It is too small if the fish, which reaches `reach_px` from its centre, does not fit in it. The
+    other parameters are those of `tank_area`.
     """
     area = tank_area(arena, hulls, tank_setting, floor)
     return arena if tank_setting == "auto" and not can_fish_fit(area, reach_px) else area
@@ -315,7 +309,7 @@ def can_fish_fit(arena: Mask, reach_px: float) -> bool:
 
 
 def _legal_centres(arena: Mask, reach_px: float) -> Mask:
-    """Return where (h, w) the centre of a fish may be that reaches `reach_px` from the centre."""
+    """Return where (h, w) a fish may have its centre, if it reaches `reach_px` from there."""
     return np.asarray(_depth_px(arena) > reach_px + 1)
 
 
@@ -341,7 +335,8 @@ def place_goals(
             "animate.goals is empty", wanted, "name some: animate.goals=[[0.2,0.3],[0.8,0.7]]"
         )
     goals, problems = [], []
-    for name, pair in zip(map(goal_name, count()), given_goals, strict=False):
+    for number, pair in enumerate(given_goals):
+        name = goal_name(number)
         if len(pair) != 2:
             problems.append(f"{name}: {pair} is not x, y")
             continue
@@ -367,15 +362,14 @@ def _place_share(
 ) -> tuple[float, float]:
     """Return the x, y px of a goal that is given in shares of the tank's width and height.
 
-    A goal in shares of 0-1 that is outside the tank, as in the corner of a round one, or more than
-    `touch_px` from a legal centre is moved to the nearest legal centre.
+    Shares of 0-1 may lie outside the tank, as in the corner of a round one, or more than `touch_px`
+    from a legal centre: then they are moved to the nearest legal centre. Other shares are not.
     """
     left, top, right, bottom = tank.corners_px
     x, y = left + share_x * (right - left), top + share_y * (bottom - top)
     in_reach = is_legal_point(tank.arena, x, y) and _distance_to_legal(tank, x, y) <= touch_px
-    if in_reach or not 0 <= min(share_x, share_y) <= max(share_x, share_y) <= 1:
-        return x, y
-    return tank.nearest_legal_point(x, y)
+    may_move = 0 <= share_x <= 1 and 0 <= share_y <= 1
+    return tank.nearest_legal_point(x, y) if may_move and not in_reach else (x, y)
 
 
 def _distance_to_legal(tank: Tank, x: float, y: float) -> float:

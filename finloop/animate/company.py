@@ -27,11 +27,9 @@ class Hulls(Protocol):
 
     def __len__(self) -> int:
         """Return the number n of outlines."""
-        ...
 
     def __getitem__(self, rows: slice, /) -> Reals:
         """Return the outlines of a slice of pictures."""
-        ...
 
 
 class Discs(NamedTuple):
@@ -108,14 +106,10 @@ class Plans:
             _places_of_others(self._trajectories, self._begins, self._ticks, fish, tick)
         )
 
-    def _others(self, fish: int) -> Ints:
-        """Return the numbers (m,) of all fish but one that have planned, ascending."""
-        planned = np.flatnonzero(self._ticks > 0)
-        return planned[planned != fish]
-
     def fish_in_column(self, fish: int, column: int) -> int:
         """Return the number of the fish in a column of the result of `others` for `fish`."""
-        return int(self._others(fish)[column])
+        planned = np.flatnonzero(self._ticks > 0)
+        return int(planned[planned != fish][column])
 
     def has_planned(self, fish: int) -> bool:
         """Return whether a fish has planned anything yet."""
@@ -128,7 +122,7 @@ class Plans:
 
 
 def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after: int) -> Company:
-    """Return the company of other fish as a fish that decides at a tick knows it.
+    """Return the other fish as one fish knows them when it decides at a tick.
 
     start_tick: at which the fish decides; other_plans (n, m, 4): x, y px, heading, picture of m
     others at n ticks; ticks_after: for how many ticks after their plans a search considers them. It

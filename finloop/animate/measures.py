@@ -39,7 +39,7 @@ KINEMATICS = Schema(
 _ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
 
 
-def measure_plan(
+def measure_edit_list(
     edit: pd.DataFrame, goals: Sequence[Goal], player: AnyPlayer, film_motion: tuple[Floats, Floats]
 ) -> dict[str, float]:
     """Return, by name, all measures of one fish's edit list that need no picture.
@@ -97,25 +97,25 @@ def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], world: World) -> di
     if reached.size == 0:
         return measures
     place = edit[["x_px", "y_px"]].to_numpy()
-    leg_ticks = np.concatenate([[0], ticks[reached]]).astype(int)
     heading = edit["heading_deg"].to_numpy(float)
-    errors, arrivals, direct, covered = [], [], 0.0, 0.0
-    start = place[0]
-    for i, (first, last) in enumerate(pairwise(leg_ticks)):
+    arrivals = np.concatenate([[0], ticks[reached]]).astype(int)  # a leg ends where the next begins
+    offsets_px, heading_errors_deg, straight_px, covered_px = [], [], 0.0, 0.0
+    start = place[0]  # of the straight line to the goal; later the goal before
+    for i, (first, last) in enumerate(pairwise(arrivals)):
         goal = np.array([goals[i].x_px, goals[i].y_px])
         leg = place[first : last + 1]
-        errors.append(_distances_from_segment(leg, start, goal))
-        direct += float(np.hypot(*(place[last] - place[first])))
+        offsets_px.append(_distances_from_segment(leg, start, goal))
+        straight_px += float(np.hypot(*(leg[-1] - leg[0])))
+        covered_px += float(np.hypot(*np.diff(leg, axis=0).T).sum())
         direction = np.degrees(np.arctan2(start[1] - goal[1], goal[0] - start[0]))
-        arrivals.append(abs(float(wrap_deg(heading[last] - direction))))
-        covered += float(np.hypot(*np.diff(leg, axis=0).T).sum())
+        heading_errors_deg.append(abs(float(wrap_deg(heading[last] - direction))))
         start = goal
-    offsets = np.concatenate(errors) / motion.body_length_px
+    offsets = np.concatenate(offsets_px) / motion.body_length_px
     return measures | {
-        "time_to_goal_median_s": float(np.median(np.diff(leg_ticks)) / motion.rate_hz),
+        "time_to_goal_median_s": float(np.median(np.diff(arrivals)) / motion.rate_hz),
         "path_error_rms_body_lengths": float(np.sqrt((offsets**2).mean())),
-        "straightness": direct / covered if covered > 0 else np.nan,
-        "arrival_heading_error_deg": float(np.mean(arrivals)),
+        "straightness": straight_px / covered_px if covered_px > 0 else np.nan,
+        "arrival_heading_error_deg": float(np.mean(heading_errors_deg)),
     }
 
 
@@ -217,15 +217,16 @@ def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     count, tank = 0, player.world.tank
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
-    depth = np.zeros(len(edit))  # px from each place to the nearest wall, 0 outside the picture
-    inside = are_points_inside(np.ones_like(tank.arena), x, y)
-    depth[inside] = tank.depth_px[np.round(y[inside]).astype(int), np.round(x[inside]).astype(int)]
+    wall_px = np.zeros(len(edit))  # from each place to the nearest wall, 0 outside the picture
+    in_picture = are_points_inside(np.ones_like(tank.arena), x, y)
+    row, column = (np.round(axis[in_picture]).astype(int) for axis in (y, x))
+    wall_px[in_picture] = tank.depth_px[row, column]
     pictures = edit.groupby(["kind", "source", "mirrored"]).indices
     for (kind, source, mirrored), shown in pictures.items():
         ahead, left = player.silhouettes.hull(str(kind), int(source)).T
         left = -left if mirrored else left
-        # Far from the wall no point can be outside.
-        ticks = shown[depth[shown] <= np.hypot(ahead, left).max() + _ROUNDED_PX]
+        # Only ticks at which the outline can reach the wall need a test.
+        ticks = shown[wall_px[shown] <= np.hypot(ahead, left).max() + _ROUNDED_PX]
         if not len(ticks):
             continue
         cos, sin = np.cos(angle[ticks, None]), np.sin(angle[ticks, None])
@@ -237,17 +238,15 @@ def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
 
 
 def measure_film(
-    features: pd.DataFrame,
-    film_motion: tuple[Floats, Floats],
-    steps: Floats,
+    features: pd.DataFrame, film_motion: tuple[Floats, Floats], steps: Floats,
     motion: MotionStatistics,
-) -> dict[str, float]:
+) -> dict[str, float]:  # fmt: skip
     """Return, by name, the film's own measures, with which an animation is compared.
 
     film_motion: speed and turn rate, from `motion_of_film`; steps: Euclidean distances (Eq. 5)
     between successive frames. A film has no goals and no jumps. Its kinematic distances are those
-    between its two halves, for two films of one fish differ by about as much; they are left out if
-    a half shows no motion.
+    between its two halves, as two films of one fish differ by about as much; they are left out if
+    a half has no track longer than Δ.
     """
     half = features["frame"].median()
     early, late = (

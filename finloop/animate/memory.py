@@ -34,8 +34,7 @@ def index_memory(memory: Ints) -> MemoryIndex:
     """Return the index of a memory, by which the stretch of film that holds a row is found quickly.
 
     memory (m, 3): stretches that were on screen, by row: first row, last row, tick of the first.
-    The rows are cut into blocks of 2^k rows, about two blocks for each stretch. Of each block the
-    index has the number of the first stretch that ends in it or after it.
+    There are about two blocks of rows for each stretch.
     """
     count = len(memory)
     if count == 0:

@@ -101,17 +101,19 @@ def _resample_path(points: _PathPoints, step_bl: float, length_px: float) -> Rou
 
     length_px: a body length.
     """
-    along = points.along_px
-    count = max(2 + points.closed, round(along[-1] / (step_bl * length_px)))
-    px = np.linspace(0.0, along[-1], count + 1)
-    step = float(px[1])
-    px = px[: len(px) - points.closed]  # on a closed path the last place is the first again
+    given_px = points.along_px
+    steps = max(2 + points.closed, round(given_px[-1] / (step_bl * length_px)))
+    even_px = np.linspace(0.0, given_px[-1], steps + 1)
+    step = float(even_px[1])
+    if points.closed:
+        even_px = even_px[:-1]  # the last place is the first again
     heading = np.zeros(0)  # not given
     if points.heading_deg is not None:
-        heading = np.interp(px, along, points.heading_deg)
+        heading = np.interp(even_px, given_px, points.heading_deg)
+    x, y = (np.interp(even_px, given_px, places) for places in (points.x, points.y))
     return Route(
-        np.interp(px, along, points.x), np.interp(px, along, points.y), heading=heading, step=step,
-        closed=points.closed, when=points.due_px, begins=1, ahead=max(2, round(_AHEAD / step_bl)),
+        x, y, heading=heading, step=step, closed=points.closed, when=points.due_px, begins=1,
+        ahead=max(2, round(_AHEAD / step_bl)),
     )  # fmt: skip
 
 

@@ -70,9 +70,9 @@ def refuse_shared_goals(goals: Sequence[Goal], goal_seekers: Sequence[int]) -> N
 def make_tasks(
     goals: Sequence[Goal], fish_count: int, rng: np.random.Generator, route: Route | None = None
 ) -> list[SwimTask]:
-    """Return the task of each fish: goals are dealt in turn, and the first fish also gets the path.
+    """Return the task of each fish: goals are dealt in turn, and the first fish gets the route.
 
-    rng: of the first fish, from which those of the others are spawned; route: the path, or None.
+    rng: of the first fish, from which those of the others are spawned.
     """
     generators = [rng, *rng.spawn(fish_count - 1)]
     first, *others = map(SwimTask, deal_goals(goals, fish_count), generators)
@@ -198,12 +198,9 @@ def animate_group(player: AnyPlayer, tasks: Sequence[SwimTask], ticks: int) -> l
 
 
 def animate_fish(
-    player: AnyPlayer,
-    goals: Sequence[Goal],
-    ticks: int,
-    rng: np.random.Generator,
+    player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator,
     route: Route | None = None,
-) -> Swim:
+) -> Swim:  # fmt: skip
     """Return an animation of one fish, at least `ticks` long: by its path, to its goals in turn.
 
     Without either, the fish wanders.

@@ -37,12 +37,11 @@ class FilmOutlines:
     @cached_property
     def reach_px(self) -> Floats:
         """Return how far (n,), px as filmed, each outline reaches from the mass centre."""
-
-        def measure_reach(rows: slice) -> Floats:
-            """Return how far (k,), px, the outlines of k rows reach from their mass centres."""
-            return np.asarray(_reach_from_centre(self.outline_px[rows], self.centre_px[rows]))
-
-        return np.concatenate(map_row_blocks(measure_reach, len(self.centre_px)))
+        blocks = map_row_blocks(
+            lambda rows: _reach_from_centre(self.outline_px[rows], self.centre_px[rows]),
+            len(self.centre_px),
+        )
+        return np.concatenate(blocks)
 
     @cached_property
     def hulls(self) -> FilmHulls:

@@ -107,12 +107,9 @@ def learn_epoch(x, t, weights, velocity, batch_size, learning_rate, momentum):  
 
 
 def train_on_film_rows(
-    rows: LearningRows,
-    sides: tuple[Mask, Mask],
-    settings: BpnSettings,
-    rate_hz: float,
+    rows: LearningRows, sides: tuple[Mask, Mask], settings: BpnSettings, rate_hz: float,
     advance: Callable[[], object] = lambda: None,
-) -> tuple[MotionModel, pd.DataFrame]:
+) -> tuple[MotionModel, pd.DataFrame]:  # fmt: skip
     """Train the network on some of a film's rows; return it and the table of its errors (Fig. 15).
 
     The table is that of `train_motion_model`. sides: masks (n,) of the rows to learn from, and of
@@ -126,14 +123,9 @@ def train_on_film_rows(
 
 
 def train_motion_model(
-    inputs: Floats,
-    outputs: Floats,
-    held_out: tuple[Floats, Floats],
-    settings: BpnSettings,
-    delta_s: float,
-    rng: np.random.Generator,
-    advance: Callable[[], object] = lambda: None,
-) -> tuple[MotionModel, pd.DataFrame]:
+    inputs: Floats, outputs: Floats, held_out: tuple[Floats, Floats], settings: BpnSettings,
+    delta_s: float, rng: np.random.Generator, advance: Callable[[], object] = lambda: None,
+) -> tuple[MotionModel, pd.DataFrame]:  # fmt: skip
     """Train the network; return it and the table of its errors after each epoch (Fig. 15).
 
     inputs (n, 4), outputs (n, 2): in the units of INPUTS, OUTPUTS; outputs are `delta_s` seconds

@@ -36,7 +36,7 @@ _MANY = 1 / 64  # share of a block; if more pairs are close, the whole block is 
 _STRETCHES = 20  # least stretches of a film that is too long for a complete map
 
 Ints = NDArray[np.intp]
-Picture = NDArray[np.float32]
+Float32s = NDArray[np.float32]
 
 PAIRS = Schema(
     Column("i", "int32", "1"), Column("j", "int32", "1"), Column("distance", "float32", "1")
@@ -94,17 +94,17 @@ class PicturePairs(NamedTuple):
 
     a: Ints
     b: Ints
-    distance: NDArray[np.float32]
+    distance: Float32s
 
 
-def subtract_mean_picture(pictures: Picture) -> Picture:
+def subtract_mean_picture(pictures: Float32s) -> Float32s:
     """Subtract the mean picture from pictures (n, …), in place; return a view of them as (n, k)."""
     x = pictures.reshape(len(pictures), -1)
     x -= x.mean(axis=0)
     return x
 
 
-def _distances_of_pairs(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
+def _distances_of_pairs(x: Float32s, a: Ints, b: Ints) -> Float32s:
     """Return the picture distances (k,) (Eq. 5) of rows a, b (k,) of the pictures x (n, m)."""
     distances = np.empty(len(a), np.float32)
     batch_size = max(1, _CHUNK // x.shape[1])
@@ -117,7 +117,7 @@ def _distances_of_pairs(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
 # --- Eq. 5, all pairs
 
 
-def full_distance_map(pictures: Picture) -> Picture:
+def full_distance_map(pictures: Float32s) -> Float32s:
     """Return the Euclidean distances (n, n) between all pairs of pictures (n, …) (Eq. 5)."""
     x = pictures.reshape(len(pictures), -1)
     x = x - x.mean(axis=0)
@@ -143,7 +143,7 @@ def _split_range(start: int, stop: int, most_length: int) -> Iterator[slice]:
     yield from (slice(a, min(a + most_length, stop)) for a in range(start, stop, most_length))
 
 
-def _squared_norms(x: Picture) -> NDArray[np.float32]:
+def _squared_norms(x: Float32s) -> Float32s:
     """Return the squared norms (n,) of rows x (n, k).
 
     They are summed in float64: einsum's float32 sums lose three digits.
@@ -151,7 +151,7 @@ def _squared_norms(x: Picture) -> NDArray[np.float32]:
     return np.einsum("nk,nk->n", x, x, dtype=np.float64).astype(np.float32)
 
 
-def _squared_distances(x: Picture, norms: NDArray[np.float32], rectangle: MapBlock) -> Picture:
+def _squared_distances(x: Float32s, norms: Float32s, rectangle: MapBlock) -> Float32s:
     """Return the squared picture distances (Eq. 5) in a rectangle of the map, with rounding errors.
 
     They come from a matrix product. x (n, k): pictures as rows; norms (n,): squared.
@@ -166,7 +166,7 @@ def _squared_distances(x: Picture, norms: NDArray[np.float32], rectangle: MapBlo
 
 
 def _recompute_small_squares(
-    x: Picture, norms: NDArray[np.float32], rectangle: MapBlock, block_squares: Picture
+    x: Float32s, norms: Float32s, rectangle: MapBlock, block_squares: Float32s
 ) -> None:
     """Compute small squared distances again, in place, where rounding spoils their root.
 
@@ -254,13 +254,14 @@ def count_pairs(blocks: Iterable[MapBlock]) -> int:
 
 
 def find_similar_pairs(
-    x: Picture, kind: Ints, area: Reals, threshold: float, most_distance: float = np.inf
+    x: Float32s, kind: Ints, area: Reals, threshold: float, most_distance: float = np.inf
 ) -> Iterator[PicturePairs]:
     """Yield, block by block, the pairs a < b that are comparable (Eq. 6) and look alike.
 
-    x: from `subtract_mean_picture`; kind, area (n,): kind and motion area of its sorted rows;
-    threshold: largest difference of two areas (Eq. 8); most_distance: of a pair. Memory does not
-    grow with the number of pairs.
+    a, b: numbers of the pictures. x (n, k): the pictures as rows, less their mean, in the order of
+    `sort_by_kind_and_area`; kind, area (n,): kind and motion area of each. Comparable are pictures
+    of one kind whose areas differ by at most `threshold` (Eqs. 6-8); alike are those at most
+    `most_distance` apart (Eq. 5). Memory does not grow with the number of pairs.
     """
     norms = _squared_norms(x)
     for rectangle in find_comparison_blocks(kind, area, threshold):
@@ -295,7 +296,7 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 
 
 def natural_step_table(
-    features: pd.DataFrame, x: Picture, picture_row: Ints, step_frames: int
+    features: pd.DataFrame, x: Float32s, picture_row: Ints, step_frames: int
 ) -> pd.DataFrame:
     """Return how much the picture changes from each row to a later frame of its track (Eq. 5).
 

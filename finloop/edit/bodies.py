@@ -46,13 +46,12 @@ class Movement(NamedTuple):
 
 
 def measure_movement(pose: Pose) -> Movement:
-    """Return how far the body turns and bends from each of n poses to the next."""
+    """Return how far [body lengths] the body turns and bends from each of n poses to the next."""
 
     def measure_movement_from(rows: slice) -> Floats:
         """Return how far the backbone moves from each of k rows to the row after it, (2, k).
 
-        First by turning and bending together, then by bending alone, as in `Movement`. Root mean
-        square over the backbone's points, body lengths.
+        The two lines are the fields of `Movement`, in body lengths.
         """
         batch = pose[rows.start : rows.stop + 1]
         # The backbones about their centres, headed right, a body length long; y points down.
@@ -90,18 +89,23 @@ class Bodies:
 
     @cached_property
     def _sprite_bodies(self) -> tuple[Rows, Mask, Floats, Floats]:
-        """Return by sprite: film row, whether mirrored, direction as filmed, turn to next frame."""
+        """Return by sprite (s,): film row, whether mirrored, heading as filmed, turn to next frame.
+
+        Angles are degrees; the turn is 0 where the film does not go on. A film without sprites gets
+        one, all zeros: frames, too, look sprites up by number 0, and then do not use the result.
+        """
         if not len(self.sprites):
             return np.zeros(1, np.intp), np.zeros(1, bool), np.zeros(1), np.zeros(1)
         row = self.sprites["row"].to_numpy(np.intp)
-        turn = self.sprites["turn_deg"].to_numpy(float) * self.goes_on[row]
-        axis = self.sprites["heading_deg"].to_numpy(float)
-        return row, self.sprites["mirrored"].to_numpy(bool), axis, turn
+        turn_deg = self.sprites["turn_deg"].to_numpy(float) * self.goes_on[row]
+        heading_deg = self.sprites["heading_deg"].to_numpy(float)
+        return row, self.sprites["mirrored"].to_numpy(bool), heading_deg, turn_deg
 
     @cached_property
     def _code_speeds(self) -> Floats:
         """Return how fast the pose codes (n, c) change at every row, per frame."""
         codes, goes_on = self.poses.codes, self.goes_on
+        # The next and the previous frame of the track; at its ends the row itself.
         after = np.arange(len(codes)) + goes_on
         before = np.arange(len(codes)) - np.append(False, goes_on[:-1])
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
@@ -120,13 +124,13 @@ class Bodies:
         turn_deg: by how much a frame is turned, or the direction in which a sprite swims; mirrored:
         whether a frame is mirrored.
         """
-        sprite_row, sprite_mirrored, sprite_direction, _turn = self._sprite_bodies
+        sprite_row, sprite_mirrored, sprite_heading, _turn = self._sprite_bodies
         sprite = np.where(frame, 0, number)
         row = np.where(frame, number, sprite_row[sprite])
         is_mirrored = np.where(frame, mirrored, sprite_mirrored[sprite])
         heading = self.heading_deg[row]
-        # A sprite's head sways about the direction in which the sprite swims.
-        sway = np.where(is_mirrored, -1, 1) * wrap_deg(heading - sprite_direction[sprite])
+        # A sprite's head sways about the heading at which the sprite counts as filmed.
+        sway = np.where(is_mirrored, -1, 1) * wrap_deg(heading - sprite_heading[sprite])
         return Body(row, is_mirrored, turn_deg + np.where(frame, heading, sway))
 
     def body_in_edit_row(self, shown: RowPicture) -> Body:
@@ -149,7 +153,7 @@ class Bodies:
 
         frame (…): whether each picture is a frame; number (…): its row or sprite number.
         """
-        _rows, _is_mirrored, _direction, turn = self._sprite_bodies
+        _row, _mirrored, _heading, turn = self._sprite_bodies
         return np.where(frame, 0.0, turn[np.where(frame, 0, number)])
 
     def are_near_in_film(self, first: Body, second: Body, frames: int) -> Mask:

@@ -99,12 +99,12 @@ class JoinRules:
     def spring_response(self) -> tuple[Floats, Floats]:
         """Return what is left of an offset of 1, and of a velocity of 1 a tick, after 0, 1 … ticks.
 
-        Both are offsets (k,) of a critically damped spring after t ticks: (1 + a t) exp(−a t) and
-        t exp(−a t), where a is such that 5 % of an offset are left after `decay` ticks.
+        Both are offsets (k,) of a critically damped spring after t ticks: (1 + r t) exp(−r t) and
+        t exp(−r t), where the rate r is such that 5 % of an offset are left after `decay` ticks.
         """
         rate, ticks = _DECAY / self.decay, np.arange(self._spring_ticks)
-        decay = np.exp(-rate * ticks)
-        return (1 + rate * ticks) * decay, ticks * decay
+        share_left = np.exp(-rate * ticks)
+        return (1 + rate * ticks) * share_left, ticks * share_left
 
 
 def resolve_join_rules(p: JoinTimes, kind: str, bodies: Bodies, delta: int) -> JoinRules:
@@ -203,8 +203,9 @@ def _due_bodies(drawn: Body, shown: PictureSequence, line_deg: Floats, bodies: B
 def _find_joins(drawn: Body, due: Body, frame: Mask, rules: JoinRules) -> tuple[Ints, Mask]:
     """Return the ticks (k,) of joins, and at which ticks (ticks,) the animal moves.
 
-    drawn (ticks,): the bodies in the pictures shown; due (ticks,): what the film would show there;
-    frame (ticks,): whether the picture is a frame, else a sprite.
+    It does not move where it rests in the film and the film plays on. drawn (ticks,): the bodies in
+    the pictures shown; due (ticks,): what the film would show there; frame (ticks,): whether the
+    picture is a frame, else a sprite.
     """
     previous, current, due = (
         bodies.select(ticks)
@@ -223,28 +224,28 @@ def _find_joins(drawn: Body, due: Body, frame: Mask, rules: JoinRules) -> tuple[
 def _remaining_offsets(
     offset: Floats, velocity: Floats, joins: Ints, moves: Mask, rules: JoinRules
 ) -> tuple[Floats, Mask]:
-    """Return what remains of the offsets of all joins, and where it may be more than nothing.
+    """Return what remains of the offsets of all joins, and at which ticks it may be drawn.
 
-    The former is (ticks, c + 1), as offset and velocity: c pose codes, then degrees; the latter
-    (ticks,). joins (k,): their ticks; moves (ticks,): whether the animal moves. While it rests,
-    offsets stay.
+    offset, velocity, and what remains, are (ticks, c + 1): c pose codes, then degrees. joins (k,):
+    their ticks; moves (ticks,): whether the animal moves. While it rests, offsets stay: the spring
+    knows only the ticks at which it moves. A mask (ticks,) marks where a join lasts.
     """
     offset_decay, velocity_decay = rules.spring_response()
-    moving = np.cumsum(moves) - 1  # number of each tick among those at which the animal moves
     remaining = sum_past_values(offset_decay, offset[moves])
     remaining += sum_past_values(velocity_decay, velocity[moves])
-    latest_join = np.full(moving[-1] + 1, -(2**31))  # by that number; none yet: long ago
-    latest_join[moving[joins]] = moving[joins]
-    since_join = moving - np.maximum.accumulate(latest_join)[moving]
-    return remaining[moving], since_join < len(offset_decay)
+    moving_tick = np.cumsum(moves) - 1  # each tick counted in ticks at which the animal moves
+    latest_join = np.full(len(remaining), -(2**31))  # by moving tick; before the first: long ago
+    latest_join[moving_tick[joins]] = moving_tick[joins]
+    since_join = moving_tick - np.maximum.accumulate(latest_join)[moving_tick]
+    return remaining[moving_tick], since_join < len(offset_decay)
 
 
 def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[Floats, Floats]:
-    """Return, at each join, pose and heading due less those drawn, and the same of velocities.
+    """Return how far, at each join, what is due is from what is drawn; and the same of velocities.
 
-    Both are (ticks, c + 1), 0 at other ticks: c pose codes (principal-component scores), then
-    degrees; velocities are per tick. drawn: bodies of all ticks; joins (k,): their ticks; old (k,):
-    bodies that are due, which the film would show there.
+    Both are due − drawn, (ticks, c + 1), 0 at other ticks: c pose codes (principal-component
+    scores), then the heading in degrees; velocities are per tick. drawn: bodies of all ticks; joins
+    (k,): their ticks; old (k,): bodies that are due, which the film would show there.
     """
     new, ticks = drawn.select(joins), len(drawn.row)
     ahead = np.minimum(joins + 1, ticks - 1)  # the tick after each join

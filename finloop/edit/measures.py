@@ -57,8 +57,8 @@ def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
 def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
     """Return by how much the sprites of turns miss the motion area that the network asked for.
 
-    `turn_area_missed_median`: median difference of the most bent sprite's motion area from it, as a
-    share of the film's largest. {} without such turns (Fig. 18).
+    `turn_area_missed_median`: median difference between the requested area and that of the turn's
+    most bent sprite, as a share of the film's largest. {} without such turns (Fig. 18).
     """
     # Only the first tick of a turn has both.
     missed = (edit["sprite_area"] - edit["motion_area"]).abs().dropna()
@@ -80,7 +80,7 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
     rises. A narrow one has too little room. Without turns percentages are NaN.
     """
     turning = (edit["state"] == STATES[TURN]).to_numpy()
-    is_first = edit["reason"].notna().to_numpy()  # tick of a stretch, which one decision gives
+    is_first = edit["reason"].notna().to_numpy()  # tick of a stretch: only there a reason stands
     stretch = np.cumsum(is_first)
     right, up = edit["aim_x_px"] - edit["x_px"], edit["y_px"] - edit["aim_y_px"]
     bearing = np.degrees(np.arctan2(up, right))
@@ -118,11 +118,10 @@ def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
 
 
 def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
-    """Return, by name, picture distances over the film's median, and the share above its 95 %.
+    """Return, by name, how large picture distances (k,) are, compared with the film's (l,).
 
-    drawn, film: distances (k,), (l,); name, plural: in the names of the results. Results: median
-    and 95th percentile of the ratios, and the percentage of `drawn` above the film's 95th
-    percentile.
+    Results: median and 95th percentile of `drawn` over the film's median, and the percentage above
+    the film's 95th percentile. name, plural: of what is measured, in the names of the results.
     """
     film_median = float(np.median(film))
     return {

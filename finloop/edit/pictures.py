@@ -46,12 +46,12 @@ class Pictures:
             centre, cutout = reel.centres_px[source], reel.film[source]
         else:
             centre, cutout = reel.sprite_centres_px[source], reel.read_sprite(source, orientation)
-        if kind == FRAME and mirrored:
-            heading = float(self.bodies.heading_deg[source])
-            turn = -turn - 2 * heading
-            picture = draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
-            return picture[::-1]  # upside down
-        return draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
+        is_flipped = kind == FRAME and mirrored
+        if is_flipped:
+            # Upside down, the picture turns the other way, and its heading has the other sign.
+            turn = -turn - 2 * float(self.bodies.heading_deg[source])
+        picture = draw_centred_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
+        return picture[::-1] if is_flipped else picture
 
     def target_pose(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
         """Return the pose, in px of the picture, of a body in the posture of codes (c,).
@@ -142,8 +142,8 @@ def measure_discontinuities(
 
     What the film would show next, turned as the picture on screen, is compared with what is drawn.
     A picture that is held for several ticks has one join, where it comes the second time. Where an
-    earlier join has not died away, the pose of the new picture includes what is left of it; there
-    only light and skin are compared.
+    earlier join has not died away, both pictures are drawn in the pose that includes what is left
+    of it: there only light and skin differ.
     """
     next_sprite = _next_sprites(pictures.reel.sprites)
     distances, ticks = [], []
@@ -156,9 +156,9 @@ def measure_discontinuities(
         if before.kind == FRAME:
             next_row = int(pictures.reel.next_rows(before.source))
             if next_row != before.source and shown[tick] == (FRAME, next_row, before.mirrored):
-                continue
+                continue  # the film plays on
         elif now.kind == SPRITE and now.source == next_sprite[before.source]:
-            continue
+            continue  # so does the sequence of sprites
         distances.append(float(paired_distances(*_draw_join(before, now, pictures))))
         ticks.append(tick)
     return np.array(distances), np.array(ticks, np.intp)
@@ -182,13 +182,21 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
         drawn = pictures(*row_picture(now._replace(rotation_deg=now.rotation_deg + turn)))
     else:
         drawn = pictures.right_facing_sprites[now.source]
+    return drawn, _draw_due_picture(before, turn, pictures)
+
+
+def _draw_due_picture(before: Any, turn_deg: float, pictures: Pictures) -> Picture:
+    """Return the picture that the film would show after a row of an edit list, as filmed.
+
+    A frame is turned by `turn_deg` further; what follows a sprite is headed right.
+    """
     if before.kind == SPRITE:
-        return drawn, pictures.sprite_successors[before.source]
-    row = int(pictures.reel.next_rows(before.source))
+        return pictures.sprite_successors[before.source]
+    row, heading = int(pictures.reel.next_rows(before.source)), pictures.bodies.heading_deg
     # Each row is mirrored about its own heading: take back the difference.
-    turn += 2 * before.mirrored * (bodies.heading_deg[before.source] - bodies.heading_deg[row])
-    next_frame = before._replace(source=row, rotation_deg=before.rotation_deg + turn)
-    return drawn, pictures(*row_picture(next_frame))
+    turn_deg += 2 * before.mirrored * (heading[before.source] - heading[row])
+    next_frame = before._replace(source=row, rotation_deg=before.rotation_deg + turn_deg)
+    return pictures(*row_picture(next_frame))
 
 
 def _next_sprites(sprites: pd.DataFrame) -> Ints:

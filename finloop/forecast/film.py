@@ -170,12 +170,13 @@ class Partition:
 
 
 def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
-    """Return the usable rows, those in random stretches of time held out, of all fish together.
+    """Return the usable rows in two parts: those of random stretches of time are held out.
 
-    No past reaches from one side to the other. Each side has at most `p.most_rows`: in a long film
-    a random sample. FinloopError if the film is shorter than two stretches.
+    A stretch holds all fish. A row whose past or next state lies in the other part is in neither.
+    Each part has at most `p.most_rows`: in a long film a random sample. FinloopError if the film is
+    shorter than two stretches.
     """
-    rows, least = film.rows, int(film.lags[-1]) + 2  # frames from a past to the next state
+    rows, least = film.rows, int(film.lags[-1]) + 2  # frames from the past to the next state
     block = held_out_block_frames(
         p.held_out_block_deltas, p.held_out_ratio, film.delta, film.frame[rows], least
     )

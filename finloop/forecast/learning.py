@@ -7,6 +7,7 @@ to the film's states from nearby (as a denoising autoencoder; Vincent 2008).
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import deepcopy
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -59,11 +60,9 @@ class _Network(nn.Module):
 
 
 def train_predictor(
-    film: FilmStates,
-    parts: Partition,
-    p: ForecastSettings,
+    film: FilmStates, parts: Partition, p: ForecastSettings,
     advance: Callable[[], object] = lambda: None,
-) -> tuple[Forecast, pd.DataFrame]:
+) -> tuple[Forecast, pd.DataFrame]:  # fmt: skip
     """Train the network that predicts the next state; return it with its learning curve.
 
     The weights are those of the epoch with the least held-out error; `p.patience` epochs without a
@@ -73,7 +72,7 @@ def train_predictor(
     with _torch_on_one_thread(p.seed) as generator:
         network = _Network(film, p.hidden_units)
         train, held_out = (_make_sample(film, rows) for rows in (parts.train, parts.held_out))
-        best_weights = _copy_weights(network)
+        best_weights = deepcopy(network.state_dict())
         # Predicting no change has the error 1.
         number_weights = 1 / ((train.past[:, 0] - train.next_states).square().mean(0) + _FLOOR)
         adam = torch.optim.AdamW(
@@ -87,7 +86,7 @@ def train_predictor(
             advance()
             epochs_since_best += 1
             if curve[-1]["held_out_error"] < min(row["held_out_error"] for row in curve[:-1]):
-                best_weights, epochs_since_best = _copy_weights(network), 0
+                best_weights, epochs_since_best = deepcopy(network.state_dict()), 0
             if epochs_since_best >= p.patience:
                 break
     weights = {name: value.numpy().astype(np.float32) for name, value in best_weights.items()}
@@ -171,11 +170,6 @@ def _mean_square_errors(
             squares = (network(sample.past, sample.control) - sample.next_states).square().mean(0)
             errors[f"{name}_error"] = float((squares * number_weights).mean())
     return errors
-
-
-def _copy_weights(network: _Network) -> dict[str, Tensor]:
-    """Return a copy of the network's present weights, by name."""
-    return {name: value.detach().clone() for name, value in network.state_dict().items()}
 
 
 @contextmanager

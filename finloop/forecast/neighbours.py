@@ -108,7 +108,8 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     film of several parts (`assign_parts`) all neighbours of a row are in one part, which changes
     every few thousand rows.
     """
-    rows, film_rows = film.rows, int((film.rows < film.count).sum())  # with mirror images; without
+    rows = film.rows
+    own_count = int((rows < film.count).sum())  # the first of `rows`; the rest are mirror images
     pasts, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
@@ -123,8 +124,8 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     apart_rows = max(film.delta, round(film.memory))
     examined = _NEAR * _SPARE * p.similar_frames
     most_near = max(_MOST // parts, _FEWEST * examined)
-    for first in range(0, film_rows, _BATCH):
-        batch = np.arange(first, min(first + _BATCH, film_rows))
+    for first in range(0, own_count, _BATCH):
+        batch = np.arange(first, min(first + _BATCH, own_count))
         members, index = index_part(first // _TURN % parts)
         choose = partial(_choose_from_part, rows, batch, members, looks, apart_rows, p)
         similar = index.choose(pasts[batch], examined, choose, most_near)[0]
@@ -153,7 +154,8 @@ def _choose_alike_pairs(
 ) -> Ints:
     """Return the pairs that look alike, at most `p.similar_frames` for each row.
 
-    pairs (k, 2): of rows, sorted; film_rows: number of the film's rows, without mirror images.
+    pairs (k, 2): a row and a similar one, by ascending row, each row's most similar first;
+    film_rows: number of the film's rows, without mirror images.
     """
     row = np.unique(pairs[:, 0], return_inverse=True)[1]  # numbered without gaps
     rank = np.arange(len(pairs)) - np.searchsorted(row, row)  # of a pair among those of its row

@@ -137,30 +137,27 @@ def draw_next_row(
 def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
     """Return the rows (k,) that a fish may follow next, and their weights (k,) in a random draw.
 
-    row: the one that the fish follows now. Its stand-in is the row itself, or, if it is not usable
-    and has no similar rows, the last earlier row that is or has. The result is the rows similar to
-    the stand-in, then the stand-in. The similar rows are shifted by as many rows as `row` comes
-    after its stand-in, and only usable ones are left; if none is, all stay, unshifted.
-    The weights (Metropolis, not normalized) let all rows be visited equally often. The stand-in has
-    the weight that its similar rows leave of 1; but 0 if it has some and `row` is not usable.
+    row: the one that the fish follows now. If it is not usable and has no similar rows, the last
+    earlier row that is or has stands in for it. The result is the rows similar to the stand-in, and
+    then the stand-in itself. The weights, which need not sum to 1, let all rows be visited equally
+    often (Metropolis).
     """
-    stand_in = _find_stand_in(sampler, row)
+    stand_in = row
+    while not sampler.usable[stand_in] and sampler.start[stand_in] == sampler.start[stand_in + 1]:
+        stand_in -= 1
     rows = sampler.to[sampler.start[stand_in] : sampler.start[stand_in + 1]]
     neighbour_counts = sampler.start[rows + 1] - sampler.start[rows]
     weights = 1 / np.maximum(neighbour_counts, max(len(rows), 1))
-    stay_weight = max(1 - weights.sum(), 0.0) if sampler.usable[row] or not len(rows) else 0.0
+    # The stand-in gets what the similar rows leave of 1, but nothing where the fish has to leave.
+    has_to_leave = not sampler.usable[row] and len(rows) > 0
+    stay_weight = 0.0 if has_to_leave else max(1 - weights.sum(), 0.0)
+    # What is similar to `row` comes as far after these rows as `row` after its stand-in. There only
+    # usable rows count; if there are none, the rows themselves do.
     shifted = rows + row - stand_in
     is_usable = sampler.usable[np.minimum(shifted, len(sampler.usable) - 1)]
     if is_usable.any():
         rows, weights = shifted[is_usable], weights[is_usable]
     return np.append(rows, stand_in), np.append(weights, stay_weight)
-
-
-def _find_stand_in(sampler: Sampler, row: int) -> int:
-    """Return the row, or the last one before it, that is usable or has similar rows."""
-    while not sampler.usable[row] and sampler.start[row] == sampler.start[row + 1]:
-        row -= 1
-    return row
 
 
 def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:

@@ -60,8 +60,8 @@ class SpriteDistances:
     rows (n,): ascending. from_sprite (s, n): of a row from a sprite. from_next_frame (s, n): of a
     row from the film's frame after a sprite. row_deg (n,): the heading that was turned to the
     right, in pose BODY as measured, in FILM that of the orientation. sprite_deg, next_frame_deg
-    (s,): the same of the other two, with the sprite drawn at 0°. orientation (n,): of the row, 0 =
-    any (pose BODY).
+    (s,): this heading of a sprite, and of the frame after it, if the sprite is drawn at 0°.
+    orientation (n,): of the row, 0 = any (pose BODY).
     """
 
     rows: Ints
@@ -74,12 +74,9 @@ class SpriteDistances:
 
 
 def measure_sprite_distances(
-    reel: Reel,
-    rows: Ints,
-    size_px: int,
-    pose: str,
+    reel: Reel, rows: Ints, size_px: int, pose: str,
     advance: Callable[[int], object] = lambda _: None,
-) -> SpriteDistances:
+) -> SpriteDistances:  # fmt: skip
     """Measure the picture distances (Eq. 5) between all sprites and some rows of the film.
 
     reel: the film's cut-outs and the sprites; rows (n,): ascending; size_px: side of the pictures;
@@ -164,11 +161,12 @@ def list_gateways(
 ) -> pd.DataFrame:  # fmt: skip
     """Return all gateways (schema `GATEWAYS`), pairs of a sprite and a film row that look alike.
 
-    First come those from sprite to film, then those back. step_median: the film's median step. A
-    sprite leads to its `frames_per_sprite` nearest rows in each orientation. Those of one track are
-    at least `apart` Δ from each other, and all have `least` Δ of their track ahead. A row leads to
-    the `sprites_per_frame` sprites of each sequence nearest to its next row. The last row of a
-    track leads to no sprite, and only the first sprite of a turn is led to.
+    First come those from sprite to film, then those back. step_median: the film's median step.
+
+    A sprite leads to its `frames_per_sprite` nearest rows in each orientation. Those of one track
+    are at least `apart` Δ from each other, and all have `least` Δ of their track ahead. A row leads
+    to the `sprites_per_frame` sprites of each sequence that are nearest to the row after it. The
+    last row of a track leads to no sprite, and no row leads into the middle of a turn.
     """
     most_distance = settings.distance_threshold * step_median
     into_film = _find_rows_after_sprites(distances, features, most_distance, settings).assign(
@@ -178,8 +176,8 @@ def list_gateways(
         distances, sprites, features, most_distance, settings.sprites_per_frame
     )
     table = pd.concat([into_film, out_of_film.assign(direction=OUT)], ignore_index=True)
-    # The turn of the film that fits the sprite, from the two pictures that were compared: the row
-    # and the film's frame after the sprite, or the row + 1 and the sprite.
+    # The turn of the film that fits the sprite, from the two pictures that were compared. Into the
+    # film: the row, and the frame after the sprite. Out of it: the row after, and the sprite.
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
     column = np.searchsorted(distances.rows, table["row"].to_numpy() + ~leads_in)
     table["orientation"] = distances.orientation[column]
@@ -189,11 +187,9 @@ def list_gateways(
 
 
 def _find_rows_after_sprites(
-    distances: SpriteDistances,
-    features: pd.DataFrame,
-    most_distance: float,
+    distances: SpriteDistances, features: pd.DataFrame, most_distance: float,
     settings: GatewaysSettings,
-) -> pd.DataFrame:
+) -> pd.DataFrame:  # fmt: skip
     """Return the film rows that may be drawn next after each sprite, in a table.
 
     Its columns are sprite, row, rank, distance. The rows are those nearest to the sprite's next
@@ -224,21 +220,19 @@ def _find_rows_after_sprites(
 
 
 def _find_sprites_after_rows(
-    distances: SpriteDistances,
-    sprites: pd.DataFrame,
-    features: pd.DataFrame,
-    most_distance: float,
+    distances: SpriteDistances, sprites: pd.DataFrame, features: pd.DataFrame, most_distance: float,
     most_sprites: int,
-) -> pd.DataFrame:
+) -> pd.DataFrame:  # fmt: skip
     """Return the sprites that may be drawn next after each row, in a table.
 
     Its columns are sprite, row, rank, distance. The sprites are those nearest to the film's next
     row, of each sequence, ranked from 1 over all sequences. most_distance: of a gateway, in the
     unit of the distances; most_sprites: of a sequence for a row.
     """
-    # Rows whose next frame is among the measured rows, and the column of that frame.
-    follows = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]
-    row, next_column = distances.rows[follows] - 1, np.flatnonzero(follows)
+    # Rows whose next row, of the same track, is measured; and the column of that next row.
+    has_row_before = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]
+    row, next_column = distances.rows[has_row_before] - 1, np.flatnonzero(has_row_before)
+    # A cycle can be entered at any sprite, a turn only at its first.
     entries = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
     found = []
     for _, sequence in sprites.iloc[entries].groupby("sequence", sort=False):

@@ -42,15 +42,12 @@ class RowSource(Protocol):
 
     def load_film(self) -> tuple[Reel, FilmPoses]:
         """Return the film's rows and, in the same order, their postures."""
-        ...
 
     def picture_array(self) -> Pictures:
         """Return the array, uint8 (n, s, s, c), that holds a picture of each row."""
-        ...
 
     def share_pictures(self) -> None:
         """Make the pictures available to other processes, once all are drawn."""
-        ...
 
 
 def picture_array_shape(reel: Reel, size_px: int) -> tuple[int, ...]:
@@ -118,13 +115,14 @@ def _appearance_components(
 ) -> Floats:
     """Return principal components (2, rows, c) of straightened pictures and their mirror images.
 
-    draw_rows_straight: draws rows by number; rows: their number in the film; c: at most
-    `most_components`.
+    draw_rows_straight: draws rows by number; rows: how many the film has; c is `most_components`,
+    or less in a tiny film.
     """
     sample = draw_rows_straight(spread_rows(np.arange(rows), _SAMPLE))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
     mean = both.mean(0)
     most_components = min(most_components, min(both.shape) - 1)
+    # `svds` gives the least important axis first.
     axes = svds((both - mean).astype(float), most_components, random_state=0)[2][::-1].T
     batches = ordered_map(
         partial(_project_on_axes, draw_rows_straight, mean, axes),
@@ -212,11 +210,11 @@ def change_per_row(values: Floats, goes_on: Mask, span_rows: int) -> Floats:
     goes_on (n,): whether the next row is of the same track; span_rows: rows to each side, fewer
     near a track's end.
     """
-    last = np.flatnonzero(~goes_on)
-    rows = np.arange(len(values))
-    end = last[np.searchsorted(last, rows)]
-    begin = np.concatenate([[0], last[:-1] + 1])[np.searchsorted(last, rows)]
-    before, after = np.maximum(rows - span_rows, begin), np.minimum(rows + span_rows, end)
+    rows, last_rows = np.arange(len(values)), np.flatnonzero(~goes_on)  # the last: of the tracks
+    first_rows = np.append(0, last_rows[:-1] + 1)
+    track = np.searchsorted(last_rows, rows)  # number of each row's track
+    before = np.maximum(rows - span_rows, first_rows[track])
+    after = np.minimum(rows + span_rows, last_rows[track])
     return (values[after] - values[before]) / np.maximum(after - before, 1)[:, None]
 
 

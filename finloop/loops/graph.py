@@ -84,7 +84,8 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
     order = np.lexsort((to, distance, source))
     start = np.searchsorted(source[order], np.arange(len(ends) + 1)).astype(np.int32)
     jumps = to[order].astype(np.int32)
-    # Which segments, parts of film between two ends, can be reached again from themselves.
+    # Which segments can be reached again from themselves: segment k is the film from end k on, up
+    # to the next end.
     successors = _segment_successors(ahead, start, jumps)
     _, component_of_segment = connected_components(successors, directed=True, connection="strong")
     has_others = np.bincount(component_of_segment)[component_of_segment] > 1

@@ -36,10 +36,10 @@ def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
 
 
 def choose_table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
-    """Return at most 26 loop ends (feature rows) for a printed table, from the track with the most.
+    """Return at most 26 loop ends (feature rows) for a printed table, spread evenly in time.
 
-    ends: rows at which the film can jump; track_id (n,): of every row. The chosen ones are spread
-    evenly in time.
+    All are of the track that has most of them. ends: rows at which the film can jump; track_id
+    (n,): of every row.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
     track_ends = ends[track_id[ends] == tracks[count.argmax()]]
@@ -50,10 +50,11 @@ def choose_table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
 
 
 def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
-    """Return the position table (Fig. 11c): the quadrants in which loop ends lie from earlier ones.
+    """Return the position table (Fig. 11c): in which quadrant each loop end lies from another one.
 
-    ends: ascending feature rows at which the film can jump. Rows (earlier) and columns (later) are
-    named A, B …. A cell is "" unless its column is later in the same track.
+    ends: ascending feature rows at which the film can jump. Rows and columns are named A, B …. A
+    cell is the column's quadrant as seen from the row; "" unless the column is later in the same
+    track.
     """
     x, y = places_through_water(features)[ends].T
     track = features["track_id"].to_numpy()[ends]

@@ -61,10 +61,10 @@ class SparseDistanceMap(NamedTuple):
 
 
 def to_sparse_map(table: pd.DataFrame, rows: int) -> SparseDistanceMap:
-    """Convert a table of pairs of rows to a sparse distance map.
+    """Return a table of pairs of rows as a sparse distance map.
 
-    table: columns i, j (feature rows), distance; sorted by i, then by j; rows: the number of
-    feature rows, and of rows of the map.
+    table: columns i, j (feature rows), distance, already sorted by i, then by j; rows: the number
+    of feature rows, and of rows of the map.
     """
     start = np.searchsorted(table["i"].to_numpy(), np.arange(rows + 1))
     return SparseDistanceMap(
@@ -73,12 +73,9 @@ def to_sparse_map(table: pd.DataFrame, rows: int) -> SparseDistanceMap:
 
 
 def find_video_loops(
-    pairs: SparseDistanceMap,
-    features: pd.DataFrame,
-    rate_hz: float,
-    step_median: float,
+    pairs: SparseDistanceMap, features: pd.DataFrame, rate_hz: float, step_median: float,
     settings: LoopsSettings,
-) -> tuple[pd.DataFrame, dict[str, float]]:
+) -> tuple[pd.DataFrame, dict[str, float]]:  # fmt: skip
     """Find a film's video loops (§4.1, Figs. 8, 12, 13), best first, with each test's counts.
 
     pairs: distances D of comparable rows (Eq. 6); step_median: the film's median step, in the unit
@@ -387,10 +384,10 @@ def loop_metrics(
 ) -> dict[str, float]:  # fmt: skip
     """Return the metrics of a film's loops, by their names in metrics.json.
 
-    counts: from `find_video_loops`; facts: the unit of the distances, the film's median step;
-    compared: rows of the distance map, of which shares of the film are given. A seam is the picture
-    distance of a jump in median steps. A component of the graph counts if the film can play in it
-    for ever. From a dead end every route leads to the end of a track.
+    counts: from `find_video_loops`; facts: median and 95th percentile of the film's natural steps;
+    compared: rows of the distance map, of which the shares of the film are given. A seam is the
+    picture distance of a jump in median steps. A component of the graph counts if the film can play
+    in it for ever. From a dead end every route leads to the end of a track.
     """
     track = features["track_id"].to_numpy()
     seam = loops["distance"].to_numpy(float) / facts.step_median

@@ -18,15 +18,9 @@ from finloop.edit.schema import ENTER, NO_WAY, PHASE, SLIDE, STRAIGHT
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import find_orientations, wrap_deg
 from finloop.loops.settings import LoopsSettings
-from finloop.modes.animator import Animator, ModeAssets, make_animator
+from finloop.modes.animator import Animator, ModeAssets, make_animator, video_loop_graph
 from finloop.modes.hybrid_settings import HybridSettings
-from finloop.modes.loops import (
-    Loops,
-    RollOuts,
-    add_verdict_counts,
-    make_loops,
-    ticks_to_first_end,
-)
+from finloop.modes.loops import Loops, RollOuts, add_verdict_counts, ticks_to_first_end
 from finloop.modes.network import Network
 from finloop.modes.player import PaperMode
 from finloop.plan.search import Candidates, make_candidates
@@ -44,7 +38,9 @@ class Gateways:
     """
 
     def __init__(self, table: pd.DataFrame, step: float, loop_mode: Loops) -> None:
-        """Sort gateways by the sprite or row that they lead from; drop those into film that ends.
+        """Sort gateways by the sprite or row that they lead from.
+
+        Those that lead to a row from which the film does not go on for ever are dropped.
 
         table: columns of `GATEWAYS`; step: the film's natural step, the unit of seams; loop_mode:
         plays the film.
@@ -82,7 +78,7 @@ class Hybrid:
         }
         has_exit = np.zeros(len(loops.film.rows), bool)
         for row, exits in gateways.out_of.items():
-            has_exit[row] = any(sprite in self._cycle_place for sprite, _, _ in exits)
+            has_exit[row] = any(sprite in self._cycle_place for sprite, _turn, _seam in exits)
         self._has_exit = has_exit
         self._ends = loops.ends & has_exit
 
@@ -96,14 +92,9 @@ class Hybrid:
         A fish that a frame shows goes on in the film, if the film can play on or a gateway leads
         out. Otherwise a sprite shows it.
         """
-        filmed = self.loops.film.filmed_count
-        if (
-            fish.row < 0
-            or self.loops.can_go_on(fish)
-            or (fish.row < filmed and self._has_exit[fish.row])
-        ):
-            return fish
-        return self.network.take_over(fish)
+        is_filmed = 0 <= fish.row < self.loops.film.filmed_count  # no sprite, no mirror image
+        can_go_on = self.loops.can_go_on(fish) or (is_filmed and self._has_exit[fish.row])
+        return fish if fish.row < 0 or can_go_on else self.network.take_over(fish)
 
     def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch: by loop mode in the film, else by network mode (Fig. 19)."""
@@ -229,7 +220,7 @@ def hybrid_animator(
     assets: what the modes share, with sprites; network: flow chart of mode `network`; loops: rows
     a, b and distance of each loop; gateways: columns of `GATEWAYS`; p: the group `animate`.
     """
-    loop_mode = make_loops(assets, loops, loops_settings)
+    loop_mode = Loops(assets.world, video_loop_graph(assets, loops), loops_settings)
     sorted_gateways = Gateways(gateways, assets.film_data.map_facts.step_median, loop_mode)
     mode: PaperMode = Hybrid(network, loop_mode, sorted_gateways)
     if not (loop_mode.can_play and sorted_gateways.into and sorted_gateways.out_of):

@@ -42,8 +42,9 @@ class RollOuts(NamedTuple):
     ticks: rows to show up to that loop end, 0 where no loop end passes the tests; far: px from it
     to the goal; touches_goal: whether the fish touches the goal before, which ends the roll-out at
     the next loop end; quadrant: where that loop end is, seen from the first place; verdict: index
-    in `VERDICTS` of the test that the candidate fails; inside: rows to show up to the nearest loop
-    end inside the tank where quadrant and heading do not count, 0 where the fish leaves the tank.
+    in `VERDICTS` of the test that the candidate fails; inside: rows to show up to the loop end
+    nearest to the goal if quadrant and heading do not count, 0 where the fish leaves the tank
+    before any loop end.
     """
 
     ticks: Ints
@@ -70,7 +71,8 @@ class Loops:
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """Return a fish at a random place, at a row from which the film goes on for ever."""
-        return random_fish_in_film(self.film, self.world.tank, rng)._replace(since=self.stay)
+        fish = random_fish_in_film(self.film, self.world.tank, rng)
+        return fish._replace(since=self.stay)  # so it may jump at once
 
     def take_over(self, fish: Fish) -> Fish:
         """Return a fish of another mode as a fish of this mode, in the film.
@@ -155,8 +157,9 @@ class Loops:
     ) -> int | None:
         """Return the index of the candidate that `loop_end_choice` prefers; None if none is legal.
 
-        Of several preferred ones (Fig. 10b) the one that leads nearest to the goal is taken, or
-        with "any" a random one.
+        "jump" prefers jumps, "play" the film's next row; where none of these is legal, any other
+        legal candidate counts. Of several (Fig. 10b) the one that leads nearest to the goal is
+        taken. "any" takes a random legal one.
         """
         legal = np.flatnonzero(roll_outs.ticks)
         if not legal.size:
@@ -174,9 +177,8 @@ class Loops:
     ) -> Stretch:  # fmt: skip
         """Return the stretch of film from candidate number `taken`, `ticks` long.
 
-        ticks: by default to the end of a legal candidate's roll-out, or to the nearest loop end
-        from one that is not legal; reason: code of the decision, by default that the film plays on
-        or jumps.
+        ticks: by default `RollOuts.ticks` of a legal candidate, `RollOuts.inside` of another one;
+        reason: code of the decision, by default that the film plays on or jumps.
         """
         row, rot = int(candidates.rows[taken]), float(candidates.rots[taken])
         is_legal = roll_outs.ticks[taken] > 0
@@ -227,7 +229,8 @@ class Loops:
     ) -> Stretch:  # fmt: skip
         """Return film from a random candidate, played in place, as none stays in the tank (§4.2).
 
-        It ends at the first loop end after `stay` rows, or at an earlier one if the film ends.
+        It ends at the first loop end after `stay` rows, or at an earlier one if the film ends, or
+        after one row if there is none.
         """
         film, taken = self.film, int(rng.integers(len(candidates.rows)))
         row, rot = int(candidates.rows[taken]), float(candidates.rots[taken])
@@ -361,7 +364,7 @@ def loops_animator(
     assets: what the modes share; loops: rows a, b and distance of each loop; p: the group
     `animate`.
     """
-    mode = make_loops(assets, loops, q)
+    mode = Loops(assets.world, video_loop_graph(assets, loops), q)
     if not mode.can_play:
         raise no_loops_error("loops")
     return make_animator(assets, mode, None, p, q.join)
@@ -375,11 +378,3 @@ def no_loops_error(mode: str) -> NothingToUse:
         "take a longer film, let more frames join (loops.distance_threshold, "
         "distance.max_distance_steps), or another mode: network needs no loops",
     )
-
-
-def make_loops(assets: ModeAssets, loop_table: pd.DataFrame, q: LoopsSettings) -> Loops:
-    """Return the flow chart of mode `loops` for a film.
-
-    assets: what the modes share; loop_table: rows a, b and distance of each loop.
-    """
-    return Loops(assets.world, video_loop_graph(assets, loop_table), q)

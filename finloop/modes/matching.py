@@ -9,12 +9,7 @@ import pandas as pd
 
 from finloop.animate.paths import Path, lay_path
 from finloop.animate.places import random_goals
-from finloop.animate.shoal import (
-    SwimTask,
-    deal_goals,
-    make_tasks,
-    refuse_shared_goals,
-)
+from finloop.animate.shoal import SwimTask, deal_goals, make_tasks, refuse_shared_goals
 from finloop.base.arrays import Ints
 from finloop.base.errors import FinloopError
 from finloop.base.line import Line
@@ -99,7 +94,8 @@ class MatchingAnimator(Animator):
 
         FinloopError if the rules contradict each other.
         """
-        tasks = add_rules(make_tasks([], self.fish, np.random.default_rng()), self.p)
+        no_draws = np.random.default_rng()  # tasks need a generator, from which nothing is drawn
+        tasks = add_rules(make_tasks([], self.fish, no_draws), self.p)
         return [fish for fish, task in enumerate(tasks) if not task.zones and task.follows is None]
 
     @property
@@ -131,9 +127,8 @@ class MatchingAnimator(Animator):
     ) -> list[SwimTask]:
         """Return the tasks of all fish by the parameters' rules; `goal_seekers` share the goals."""
         tasks = add_rules(make_tasks([], self.fish, rng), self.p)
-        if goal_seekers:
-            for fish, dealt in zip(goal_seekers, deal_goals(goals, len(goal_seekers)), strict=True):
-                tasks[fish] = tasks[fish]._replace(goals=dealt)
+        for fish, dealt in zip(goal_seekers, deal_goals(goals, len(goal_seekers)), strict=True):
+            tasks[fish] = tasks[fish]._replace(goals=dealt)
         return tasks
 
 
@@ -173,7 +168,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
 def _film_rarity(
     film_data: FilmData, features: pd.DataFrame, bodies: Bodies, joins: JoinRules, weight: float
 ) -> Rarity:
-    """Return what steps from picture to picture cost: the rarer so large ones are, the more.
+    """Return what steps from picture to picture cost: the more, the seldomer the film has them.
 
     features: of the film, scaled to the size at which the fish is drawn; weight: a step that the
     film shows once in n frames costs weight × n ticks.

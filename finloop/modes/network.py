@@ -65,7 +65,7 @@ class Network:
     def __init__(
         self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: NetworkSettings
     ) -> None:
-        """Keep the arguments; sort phases by first speed for each state before, turns by angle."""
+        """Keep the arguments; sort turns by angle, and what follows each state by first speed."""
         self.world, self.sprites, self.phases, self.model, self.p = world, sprites, phases, model, p
         motion = world.motion
         self._length_px = motion.body_length_px
@@ -155,8 +155,8 @@ class Network:
         the aim is far.
         """
         motion, phases, fish = self.world.motion, self.phases, approach.fish
-        # Phases that follow the fish's present state in the film, too, by rising first speed; all
-        # phases if none does.
+        # The phases, by rising first speed, that in the film, too, follow the fish's present
+        # state; all phases if none does.
         following = self._phases_after[fish.state]
         nearest = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
         chosen = following[self._random_near(nearest, len(following), rng)]
@@ -177,32 +177,34 @@ class Network:
             return None  # a wall is ahead, and the goal is not before it
         ticks = min(touch_tick + 1, safe_ticks)
         state = int(phases.state[chosen])
-        sprite, phase, new = self._cycle_sprites(fish, state, speed[:ticks])
+        sprites, places, is_new = self._cycle_sprites(fish, state, speed[:ticks])
         return Stretch(
-            state, trajectory[:ticks], sprite, new, approach.aim, touches_goal=touch_tick < ticks,
-            decision=Decision(PHASE, film_speed=float(first_speed)), phase=phase,
+            state, trajectory[:ticks], sprites, is_new, approach.aim,
+            touches_goal=touch_tick < ticks,
+            decision=Decision(PHASE, film_speed=float(first_speed)), phase=places,
         )  # fmt: skip
 
     def _cycle_sprites(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
         """Return sprites of a state's cycle (n,), their places in it (n,), and whether it is new.
 
-        speeds (n,): body lengths/s; the faster the fish, the faster the cycle is played. A new
-        cycle begins at the sprite that fits best to the one on screen.
+        speeds (n,): body lengths/s; the faster the fish, the faster the cycle is played. Places are
+        sprites counted from the first one, with fractions, on from round to round. A new cycle
+        begins at the sprite that fits best to the one on screen.
         """
         sprites, p = self.sprites, self.p
-        cycle, phase_before = sprites.cycles[state], fish.phase
+        cycle, place_before = sprites.cycles[state], fish.phase
         is_new = fish.state == TURN or sprites.cycles[fish.state] is not cycle
         if is_new:
-            phase_before = float(sprites.entry[state][fish.sprite]) - 1.0
+            place_before = float(sprites.entry[state][fish.sprite]) - 1.0
         rate = np.ones(len(speeds))
         if state != SLIDE:
             by_speed = np.sqrt(speeds / sprites.cycle_speed)
             rate = np.minimum(np.maximum(by_speed, p.min_playback_rate), p.max_playback_rate)
-        phase = phase_before + np.cumsum(rate)
+        places = place_before + np.cumsum(rate)
         if is_new:
-            phase += 1.0 - (phase[0] - phase_before)  # the first frame is the one chosen
-        frames = (phase + 1e-9).astype(np.int64) % len(cycle)  # a rate of 1 does not round down
-        return cycle[frames], phase, is_new
+            places += 1.0 - (places[0] - place_before)  # the first sprite is the one chosen
+        numbers = (places + 1e-9).astype(np.int64) % len(cycle)  # a rate of 1 does not round down
+        return cycle[numbers], places, is_new
 
     def turn_to_aim(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch:
         """Return a turn of sprites towards the aim: into a bend, held, and out of it.
@@ -235,9 +237,9 @@ class Network:
 
         turn_number: of the film's turns. The trajectory (n, 3) is x, y px and heading. The tick of
         touch is the one at which the goal is touched, n if it is not. Room is the factor of the
-        turn's displacement for which there is room. Smaller and smaller factors are tried, then
-        earlier and earlier stops of the first speed; the last, on the spot, is taken even where it
-        does not fit.
+        turn's displacement for which there is room: those of `ease` are tried one after the other,
+        and the last of them again with less and less time for the fish to leave its first speed.
+        The last try is taken even where it does not fit.
         """
         motion, ease, count = self.world.motion, self.p.ease, len(plan.frames)
         forward, sideways = self._stretch_filmed_turn(turn_number, count)
@@ -245,7 +247,7 @@ class Network:
         fastest = _FASTEST_TURN * abs(approach.error) * largest_share  # degrees in a tick
         tick_numbers, speed = np.arange(1, count + 1), approach.fish.speed / motion.rate_hz
         # Each try: ticks in which the fish's first speed changes into that of the turn, and the
-        # factor of the turn's displacement.
+        # factor of the turn's displacement, of which the smallest is 0.
         tries = [(motion.delta, factor) for factor in ease] + [(2, ease[-1]), (0, ease[-1])]
         for fade_ticks, factor in tries:
             first_share = np.zeros(count)  # how much of the first speed is left
@@ -293,10 +295,10 @@ class Network:
         shown = min(touch_tick + 1, safe_ticks)
         if shown == 0:  # no room for a tick: the fish stays in place
             trajectory, shown, touch_tick = np.tile(approach.start, (ticks, 1)), ticks, ticks
-        sprite, phase, new = self._cycle_sprites(fish, DECELERATE, speed[:shown])
+        sprites, places, is_new = self._cycle_sprites(fish, DECELERATE, speed[:shown])
         return Stretch(
-            DECELERATE, trajectory[:shown], sprite, new, approach.aim,
-            touches_goal=touch_tick < shown, decision=Decision(WALL), phase=phase,
+            DECELERATE, trajectory[:shown], sprites, is_new, approach.aim,
+            touches_goal=touch_tick < shown, decision=Decision(WALL), phase=places,
         )  # fmt: skip
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:

@@ -5,18 +5,15 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from finloop.animate.settings import Share
 from finloop.base.settings import NotNegative, Positive
-
-Share = Annotated[float, Field(ge=0, le=1)]
-
-Join = Literal["fade", "inertial", "cut"]
 
 
 @dataclass(frozen=True)
 class NetworkSettings:
     """Parameters of mode `network`: what counts as a phase of the film, and how sprites swim."""
 
-    join: Join
+    join: Literal["fade", "inertial", "cut"]
     still_tail_ratio: Share
     steady_speed_ratio: NotNegative
     max_heading_error_deg: NotNegative

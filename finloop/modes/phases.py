@@ -8,6 +8,7 @@ sprites swim as the film does. Speeds are body lengths per second, angles degree
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -64,31 +65,28 @@ def learn_phases(motion: MotionStatistics, p: NetworkSettings) -> Phases:
 
 
 def _phases_of_runs(
-    runs: Sequence[SwimmingRun],
-    still_sway: float,
-    delta: int,
-    p: NetworkSettings,
+    runs: Sequence[SwimmingRun], still_sway: float, delta: int, p: NetworkSettings,
     speed_range: tuple[float, float],
-) -> Phases:
+) -> Phases:  # fmt: skip
     """Return the phases of straight runs of the film, the parts with one state, such as sliding.
 
     A phase is left out if its heading goes farther than `p.phase_drift_deg` from that of the frame
-    before it; still, it counts as the one before the next. still_sway: sway of a still tail; delta:
-    Δ in ticks; speed_range: lowest and highest speed of the film, body lengths/s. FinloopError if
-    there are no phases.
+    before it; its state is still the state before the next phase. still_sway: sway of a still tail;
+    delta: Δ in ticks; speed_range: lowest and highest speed of the film, body lengths/s.
+    FinloopError if there are no phases.
     """
     least_ticks = max(1, round(p.phase_least * delta))
     kept_phases = []
     for run in runs:
         # Straight runs follow turns; what was before the first one of a track is unknown: −1.
         track, state_before = run.track, TURN if run.first > 0 else -1
-        for state, begin, end in _split_run(run, still_sway, p.steady_speed_ratio, least_ticks):
-            frame_before = max(begin - 1, 0)
-            drift = track.heading_deg[begin:end] - track.heading_deg[frame_before]
+        for state, first, end in _split_run(run, still_sway, p.steady_speed_ratio, least_ticks):
+            frame_before = max(first - 1, 0)
+            drift = track.heading_deg[first:end] - track.heading_deg[frame_before]
             if np.abs(drift).max() <= p.phase_drift_deg:
                 speed = track.speed[frame_before]
-                change = track.speed[begin:end] - speed
-                kept_phases.append((state, state_before, end - begin, speed, change, drift))
+                change = track.speed[first:end] - speed
+                kept_phases.append((state, state_before, end - first, speed, change, drift))
             state_before = state
     if not kept_phases:
         raise too_little_error("straight swimming")
@@ -102,15 +100,23 @@ def _phases_of_runs(
     )  # fmt: skip
 
 
+class _PhaseFrames(NamedTuple):
+    """The frames of a phase in its track: the first, and one past the last."""
+
+    state: int
+    first: int
+    end: int
+
+
 def _split_run(
     run: SwimmingRun, still_sway: float, steady_growth: float, least_ticks: int
-) -> list[tuple[int, int, int]]:
-    """Return (state, first frame, one past the last) of the phases of a straight run.
+) -> list[_PhaseFrames]:
+    """Return the phases of a straight run, in their order.
 
     The state of a frame follows from its sway, how much the tail beats (a still one slides), and
-    its growth, the relative change of the speed in a Δ. still_sway: largest sway of a still tail;
+    its growth, the relative change of the speed in a Δ. still_sway: a still tail sways less;
     steady_growth: largest growth of a steady speed, either way; least_ticks: of a phase; a shorter
-    one is added to the phase before.
+    one is added to the phase before it, a shorter first one to the phase after it.
     """
     first, frames = run.first, slice(run.first, run.end)
     sway, growth = run.track.sway[frames], run.track.growth[frames]
@@ -120,15 +126,16 @@ def _split_run(
         STRAIGHT,
     ).astype(np.int8)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(label)) + 1, [len(label)]])
-    phases: list[tuple[int, int, int]] = []
+    phases: list[_PhaseFrames] = []
     for begin, end in pairwise(edges.tolist()):
-        state = int(label[begin])
-        if phases and (end - begin < least_ticks or phases[-1][0] == state):
-            phases[-1] = (phases[-1][0], phases[-1][1], first + end)
-        elif phases and phases[-1][2] - phases[-1][1] < least_ticks:  # only the first can be short
-            phases[-1] = (state, phases[-1][1], first + end)
+        part = _PhaseFrames(int(label[begin]), first + begin, first + end)
+        last = phases.pop() if phases else part
+        if part.end - part.first < least_ticks or part.state == last.state:
+            phases.append(last._replace(end=part.end))
+        elif last.end - last.first < least_ticks:  # only the first can be so short
+            phases.append(part._replace(first=last.first))
         else:
-            phases.append((state, first + begin, first + end))
+            phases += last, part
     return phases
 
 

@@ -32,8 +32,8 @@ class TurnFrames:
     def place_after_peak(self, deepest: int) -> int:
         """Return the first place after the peak that bends no more than the place `deepest`.
 
-        deepest: a place up to the peak, the most bent that is shown; places between are skipped.
-        The result is the last place if all bend more.
+        deepest: the most bent place that is shown, at the peak or before it; the places between
+        the two are skipped. The result is the last place if all after the peak bend more.
         """
         shallow = np.flatnonzero(self.area <= self.area[deepest])
         after = shallow[shallow > self.peak]
@@ -44,6 +44,13 @@ class TurnFrames:
         place = int(np.flatnonzero(self.number == sprite)[0])
         first = place + 1 if place > self.peak else self.place_after_peak(place)
         return self.number[first:]
+
+    def film_turn_deg(self, deepest: int) -> float:
+        """Return the degrees that the film turns over a turn's sprites if no bend is held.
+
+        deepest: place of the sprite that bends most.
+        """
+        return float(self.steps(deepest, held_ticks=0)[1].sum())
 
     def steps(self, deepest: int, held_ticks: int) -> tuple[Ints, Floats]:
         """Return the numbers (k,) of a turn's sprites, and the change of heading (k,) up to each.
@@ -97,32 +104,30 @@ class TurnPlan:
 
 
 def plan_turn(
-    frames: TurnFrames,
-    angle_deg: float,
-    area: float,
-    most_held_ticks: int,
+    frames: TurnFrames, angle_deg: float, area: float, most_held_ticks: int,
     settings: NetworkSettings,
-) -> TurnPlan:
+) -> TurnPlan:  # fmt: skip
     """Return a turn by `angle_deg` > 0 that bends about to the relative motion area `area`.
 
-    frames: sprites of the turn's side, of which those up to the strongest bend, and some after it,
-    are shown. This is held for at most `most_held_ticks`. Where the film turns by far less or more
-    than `angle_deg` over these sprites, a deeper or shallower turn is taken.
+    frames: sprites of the turn's side; shown are those up to the strongest bend of the planned
+    turn, which is held for at most `most_held_ticks`, and those that straighten from it. Where the
+    film turns by far less or more than `angle_deg` over these sprites, the bend is deeper or
+    shallower.
     """
     # depth: place of the strongest bend in the sequence of sprites.
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
     depth = min(depth, frames.peak)
     # Deeper, while even with the bend held the film turns by far less than the angle.
     while True:
-        unheld_deg = frames.steps(depth, held_ticks=0)[1].sum()
+        unheld_deg = frames.film_turn_deg(depth)
         missing_ticks = round((angle_deg - unheld_deg) / max(frames.hold_deg, 1e-6))
         held_ticks = min(max(missing_ticks, 0), most_held_ticks)
-        film_deg = unheld_deg + held_ticks * frames.hold_deg
-        if angle_deg <= settings.turn_more * film_deg or depth >= frames.peak:
+        held_deg = unheld_deg + held_ticks * frames.hold_deg
+        if angle_deg <= settings.turn_more * held_deg or depth >= frames.peak:
             break
         depth += 1
     # Shallower, while even without holding the film turns by far more.
-    while depth > 1 and angle_deg < settings.turn_less * frames.steps(depth, held_ticks=0)[1].sum():
+    while depth > 1 and angle_deg < settings.turn_less * frames.film_turn_deg(depth):
         depth, held_ticks = depth - 1, 0
     numbers, degrees = frames.steps(depth, held_ticks)
     film_deg = float(degrees.sum())
@@ -143,23 +148,23 @@ def start_from_bend(
     changes nothing. A bend to the same side continues. A bend that is too deep is first undone; so
     is a bend to the other side, twice as fast as filmed.
     """
-    sides = [other for other, turn in turns_by_side.items() if sprite in turn.number]
-    if not sides:
+    bent_to = next((s for s, turn in turns_by_side.items() if sprite in turn.number), None)
+    if bent_to is None:
         return plan
-    step = np.diff(plan.share, prepend=0.0)  # part of the turn in each tick
-    shown_at = np.flatnonzero(plan.frames == sprite)
-    bent_to = sides[0]
     undoing = turns_by_side[bent_to].straightening_sprites(sprite)
-    if bent_to != side:  # twice as fast: every second sprite
-        frames = np.concatenate([undoing[::2], plan.frames])
-        step = np.concatenate([np.full(len(frames) - len(step), plan.floor), step])
-    elif shown_at.size and shown_at[0] + 1 < len(plan.frames):
-        frames, step = plan.frames[shown_at[0] + 1 :], step[shown_at[0] + 1 :]
+    turned = np.diff(plan.share, prepend=0.0)  # part of the turn in each tick
+    rest = np.flatnonzero(plan.frames == sprite)[:1] + 1  # where the plan goes on after the sprite
+    if bent_to != side:
+        fast_undoing = undoing[::2]  # every second sprite
+        frames = np.concatenate([fast_undoing, plan.frames])
+        turned = np.concatenate([np.full(len(fast_undoing), plan.floor), turned])
+    elif rest.size and rest[0] < len(plan.frames):
+        frames, turned = plan.frames[rest[0] :], turned[rest[0] :]
     elif undoing.size:  # deeper than the planned turn ever bends: the turn is made meanwhile
-        frames, step = undoing, np.ones(len(undoing))
+        frames, turned = undoing, np.ones(len(undoing))
     else:
         return plan
-    share = np.cumsum(step)
+    share = np.cumsum(turned)
     return replace(plan, frames=frames, share=share / share[-1])
 
 

@@ -70,25 +70,26 @@ class Rarity:
     ) -> "Rarity":  # fmt: skip
         """Return the rarity of a film (n rows), from its steps and the movements of its fish.
 
-        movement: how far the body turns and bends from each row to the next, body lengths; codes
-        (n, c): pose codes; goes_on (n,): whether the next row is the next frame; filmed_steps (n,):
-        Euclidean distance (Eq. 5) from a row's picture to the next, NaN where unknown: the body's
-        movement replaces it there; spring_response (t,): what is left of an offset of 1 after 0, 1
-        … ticks; weight: a step shown once in n frames costs weight × n ticks.
+        movement: how far the body moves from each row to the next, in all and by bending alone;
+        codes (n, c): pose codes; goes_on (n,): whether the next row is the next frame; filmed_steps
+        (n,): Euclidean distance (Eq. 5) from a row's picture to the next, NaN where unknown: the
+        body's movement replaces it there; spring_response (t,): what is left of an offset of 1
+        after 0, 1 … ticks; weight: a step shown once in n frames costs weight × n ticks.
         """
         pairs = goes_on[:-1]  # of a row and the next one
         whole, bends = (values[pairs] for values in movement)
         filmed = filmed_steps[:-1][pairs]
         code_steps = np.linalg.norm(np.diff(codes, axis=0), axis=1)[pairs]
         is_known = np.isfinite(filmed)
-        # The picture's distance for a movement of one body length.
-        unit = float(filmed[is_known].sum()) / max(float(whole[is_known].sum()), 1e-12)
+        # By how much a picture changes when its fish moves by one body length.
+        distance_per_bl = float(filmed[is_known].sum()) / max(float(whole[is_known].sum()), 1e-12)
         steps = np.zeros(len(goes_on))
-        steps[1:][pairs] = np.where(is_known, filmed, unit * whole)
-        # The most that an offset of 1 in the codes fades in a tick, as a distance of pictures: a
-        # step of 1 in them bends the body by Σ bends / Σ code_steps body lengths.
+        steps[1:][pairs] = np.where(is_known, filmed, distance_per_bl * whole)
+        # An offset of 1 in the codes fades by at most this share in a tick; a step of 1 in the
+        # codes bends the body by Σ bends / Σ code_steps body lengths.
         fastest_fade = float(-np.diff(spring_response, append=0.0).min(initial=0.0))
-        added_step = fastest_fade * unit * float(bends.sum()) / max(float(code_steps.sum()), 1e-12)
+        fade_distance = fastest_fade * distance_per_bl  # of pictures, if it bent by a body length
+        added_step = fade_distance * float(bends.sum()) / max(float(code_steps.sum()), 1e-12)
         return cls(steps, np.sort(steps[1:][pairs]), weight, added_step)
 
     def step_costs(self, steps: Floats) -> Floats:
@@ -110,12 +111,12 @@ class Rarity:
         return self.step_costs(self.steps)
 
     def transition_costs(self, rows: Ints, codes: Floats, row: int) -> Floats:
-        """Return what the first three steps after a transition to each row cost more than filmed.
+        """Return by how many ticks (k,) a transition makes the steps after it costlier than filmed.
 
-        (k,), in ticks. The two poses of a transition differ; over these steps the difference fades,
-        which makes each step larger than in the film. rows (k,): rows that may be shown next; row:
-        the one on screen; of a film of n rows, n … 2 n − 1 are the mirror images. codes (m, c):
-        pose codes of all rows, and of the mirror images, if there are any.
+        The two poses of a transition differ. Over the first three steps the difference fades, which
+        makes each of them larger than in the film. rows (k,): rows that may be shown next; row: the
+        one on screen; of a film of n rows, n … 2 n − 1 are the mirror images. codes (m, c): pose
+        codes of all rows, and of the mirror images, if there are any.
         """
         costs = _transition_costs(
             self.steps, self._row_costs, self.sorted_steps, self.weight, self.added_step, rows,
@@ -161,7 +162,7 @@ def _transition_costs(  # type: ignore[no-untyped-def]
 
 
 _MOST_LAGS = 3.0  # times the usual lag, beyond which the cost of rest does not grow
-_BASE = 0.25  # cost of rest on a path without a lag, over that at the usual lag: slow is near
+_BASE = 0.25  # added to the lag on a path, in usual lags: slow fish stay closer to the path
 
 
 class Tempo(NamedTuple):

@@ -55,11 +55,12 @@ class Fallback:
     def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
         """Return a stretch cut to its ticks that are inside the tank and clear of other fish.
 
-        A fish on the spot that has none inside the tank stays at the wall. One that another blocks,
-        or that turns on the spot beside it, moves aside.
+        A fish that turns on the spot, but has no such tick inside the tank, stays at the wall. A
+        fish that moves aside is one that another fish blocks, or that turns on the spot so near
+        to another that they may touch.
         """
         turns_on_spot = stretch.decision.reason == SPOT
-        if turns_on_spot:  # all other stretches end before the walls by now
+        if turns_on_spot:  # every other stretch already ends before the walls
             inside = self._part_inside_tank(stretch)
             stretch = inside or self._stay_at_wall(fish, Target(*stretch.aim))
         company, others = fish.company, fish.company.places[0]  # where the others are now
@@ -73,15 +74,16 @@ class Fallback:
         return self._move_aside(fish, *others[distances.argmin(), :2].tolist())
 
     def _move_aside(self, fish: Fish, x: float, y: float) -> Stretch:
-        """Return a stretch away from another fish at x, y px; where nothing is free, one of a tick.
+        """Return the free part of a stretch away from another fish at x, y px.
 
-        Free is inside the tank and clear of other fish.
+        Free is inside the tank and clear of other fish. Where nothing is free, the fish stays in
+        place with its present picture for one tick.
         """
         for stretch in self._yielding_stretches(fish, x, y):
             inside = self._part_inside_tank(stretch)
             if inside is not None and (ticks := self.count_free_ticks(fish, inside)):
                 return inside.cut(ticks)
-        return stretch.cut(1)  # the last of them: the present picture, in place
+        return stretch.cut(1)  # the last yielding stretch: the present picture, in place
 
     def count_free_ticks(self, fish: Fish, stretch: Stretch) -> int:
         """Return how many ticks of a stretch are clear of other fish, even if the fish then stays.
@@ -93,8 +95,9 @@ class Fallback:
     def _part_inside_tank(self, stretch: Stretch) -> Stretch | None:
         """Return the part of a stretch before it leaves the tank; None if no tick is inside.
 
-        Where it comes too near to a wall it is moved off it, by at most as much as a fast fish
-        swims in a tick, if that is enough. A stretch that need not change is returned itself.
+        A tick too near to a wall is moved off it, by at most as much as a fast fish swims in a
+        tick; the part ends where that is not enough. A stretch that need not change is returned
+        itself.
         """
         most_px, numbers = self._world.cost_weights.fast_px, stretch.pictures.astype(np.int64)
         inside = keep_inside(self._world.bounds, numbers, stretch.trajectory, most_px)

@@ -6,9 +6,8 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from finloop.animate.settings import AnimateSettings as CommonSettings
+from finloop.animate.settings import Share
 from finloop.base.settings import Count, NotNegative, Positive
-
-Share = Annotated[float, Field(ge=0, le=1)]
 
 
 @dataclass(frozen=True)

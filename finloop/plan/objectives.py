@@ -205,8 +205,8 @@ def place_by_rule(
 ) -> tuple[Floats, int] | None:
     """Return the place (2,), px, that a rule sends a fish to, and for how many ticks it holds.
 
-    With a leader it is a body length behind the leader, for this decision alone (0 ticks). None
-    where the rule requests nothing.
+    With a leader it is a body length behind the leader, for this decision alone (0 ticks); else the
+    zones give the place. None where they request nothing.
     """
     length = world.motion.body_length_px
     if rule.leader is not None:

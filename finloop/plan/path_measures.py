@@ -109,10 +109,10 @@ def path_metrics(
 ) -> dict[str, float]:
     """Return measures of a followed path by name; {} if there is no tick.
 
-    Errors are in body lengths and degrees, corrections in per cent. followed: columns of
-    `PATH_ROWS`; departures: columns of `LEFT`. `path_turn_corrected_pct`: RMS of the turn
-    corrections over Δ, of the spread of the film's turns; `path_way_corrected_pct`: px by which the
-    fish was shifted, of all px that it covered.
+    Errors are in body lengths and degrees. followed: columns of `PATH_ROWS`; departures: columns of
+    `LEFT`. Of the corrections, `path_turn_corrected_pct` is the RMS of the turns over Δ, as a
+    percentage of the spread of the film's turns; `path_way_corrected_pct` is the px by which the
+    fish was shifted, as a percentage of all px that it covered.
     """
     motion, across = world.motion, followed["across"].to_numpy()
     if not len(followed):
@@ -197,8 +197,8 @@ def _cause_of_departure(
 ) -> str:
     """Return why no fish can follow a part of a path: "wall", "fast", "sharp", or "" if it can.
 
-    The words are those of `LEFT`. first, last: rows of `PATH_ROWS` between which the part lies;
-    limits: of the film's fish. A body length before and after counts, too.
+    The words are those of `LEFT`. first, last: rows of `PATH_ROWS` at which the part begins and
+    ends; the part is taken with a body length before and after. limits: of the film's fish.
     """
     length, asked = world.motion.body_length_px, path.asked
     places_px = np.arange(first["along_px"] - length, last["along_px"] + length, 0.1 * length)
@@ -208,7 +208,7 @@ def _cause_of_departure(
         return "wall"
     if asked.is_timed:
         # In so many ticks the fastest fish swims a body length.
-        ticks_before = round(length / max(limits.speed * length, 1e-9) * world.motion.rate_hz)
+        ticks_before = round(world.motion.rate_hz / max(limits.speed, 1e-9))
         due_px = asked.when[max(first["tick"] - ticks_before, 0) : last["tick"] + 2]
         delta = min(world.motion.delta, max(len(due_px) - 1, 1))
         speeds = (due_px[delta:] - due_px[:-delta]) / delta * world.motion.rate_hz / length
@@ -251,7 +251,7 @@ def _directions_deg(steps_px: Floats) -> Floats:
 def film_bend(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
     """Return a quantile of the bends of the film's fish over Δ, radians per body length.
 
-    A bend is the turn from one Δ to the next over the distance covered. delta: Δ in ticks;
+    A bend is the turn from one Δ to the next, divided by the distance. delta: Δ in ticks;
     length_px: body length; quantile: 0-1. The result is 0 where the film is too short, or no fish
     moves.
     """

@@ -18,12 +18,7 @@ from finloop.animate.company import ALONE, Company, can_stay, make_company, sort
 from finloop.animate.kinematics import Target, next_aim, touches_target, wrap
 from finloop.animate.memory import remember_rows
 from finloop.animate.places import random_wander_place
-from finloop.animate.route import (
-    Route,
-    find_nearest_on_route,
-    nearest_search_start,
-    point_along,
-)
+from finloop.animate.route import Route, find_nearest_on_route, nearest_search_start, point_along
 from finloop.animate.rule import Rule
 from finloop.animate.shoal import NoRoom
 from finloop.animate.silhouettes import Silhouettes
@@ -31,17 +26,7 @@ from finloop.animate.state import Fish, Progress, State
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.build import EditInputs
 from finloop.edit.joins import JoinRules
-from finloop.edit.schema import (
-    AS_PREDICTED,
-    FILM,
-    FRAME,
-    JUMP,
-    NO_WAY,
-    PLAY,
-    SPOT,
-    WAITING,
-    Goal,
-)
+from finloop.edit.schema import AS_PREDICTED, FILM, FRAME, JUMP, NO_WAY, PLAY, SPOT, WAITING, Goal
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant_of_displacement
@@ -55,9 +40,9 @@ from finloop.plan.objectives import (
     place_by_rule,
     target_objective,
 )
-from finloop.plan.plan import Plan
+from finloop.plan.plan import CandidateVerdicts, Plan
 from finloop.plan.search import Candidates, SearchStart, beam_search, make_candidates
-from finloop.plan.sources import MotionSource
+from finloop.plan.sources import MotionSource, Passage
 from finloop.plan.walls import fits_in_tank
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import SchoolRule
@@ -137,17 +122,17 @@ class Planner:
         x, y = map(float, point_along(route, 0.0))
         rots = np.zeros(n)
         if graph.film.jumps_keep_heading:
-            # Each row is turned so that the film leads along the route.
-            rows_ahead = sampled + graph.previews["ticks"][sampled]
-            dx, dy = (rows[axis][rows_ahead] - rows[axis][sampled] for axis in "xy")
+            # Each row is turned so that the film leads along the route's first body length.
+            previews = graph.previews[sampled]
             next_x, next_y = point_along(route, self.world.motion.body_length_px)
-            route_rad, film_rad = np.arctan2(y - next_y, next_x - x), np.arctan2(-dy, dx)
+            route_rad = np.arctan2(y - next_y, next_x - x)
+            film_rad = np.arctan2(-previews["dy"], previews["dx"])
             rots = np.asarray(wrap_deg(np.degrees(route_rad - film_rad)), float)
         candidates = make_candidates(sampled, rots, seams=np.zeros(n))
         rest_cost = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
-        start = SearchStart(  # at the tick before the route's first one; nothing was shown yet
-            x, y, tick=route.begins - 1, recent=np.zeros((0, 3), np.int64), rest_cost=rest_cost
-        )
+        nothing_shown = np.zeros((0, 3), np.int64)
+        tick_before = route.begins - 1
+        start = SearchStart(x, y, tick_before, recent=nothing_shown, rest_cost=rest_cost)
         objective = path_objective(route, self.world.steering)
         plan = self._search_plan(source, candidates, start, objective)
         best = plan.taken if plan else 0  # any row, if none leads on
@@ -179,12 +164,12 @@ class Planner:
     def with_company(self, state: State, other_plans: Floats) -> State:
         """Return the state in which the fish knows these other fish, instead of those it knew.
 
-        Those that it can meet come first. other_plans (n, m, 4): x, y px, heading, picture of m
-        others in n ticks, from the fish's present tick on.
+        Those near enough to be met come first. other_plans (n, m, 4): x, y px, heading, picture of
+        m others in n ticks, from the fish's present tick on.
         """
         fish = state.fish
         company = self.others_to_avoid(other_plans, fish.tick)
-        if company.near_count:  # number of fish that the search considers: here all
+        if company.near_count:  # until it is sorted, all others count as near
             company = sort_near_first(company, fish.x, fish.y, self.world.farthest_px)
         if company is fish.company:  # no others, before and now: both are `ALONE`
             return state
@@ -223,9 +208,10 @@ class Planner:
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[State, Target]:
-        """Return the place to which a fish without a path swims: in its state, and as a target.
+        """Return the state of a fish without a path, with where it swims now, and that as a target.
 
-        The target is free where the fish only wanders and goes where the film goes.
+        The place is kept or chosen: see `_choose_place`; a goal is not stored in the state. The
+        target is free where the fish only wanders and goes where the film goes.
         """
         world = self.world
         if isinstance(goal, Goal):
@@ -259,6 +245,7 @@ class Planner:
         """Return the point to head for: the target, or the last one in sight on a path to it."""
         tank = self.world.tank
         waypoint = next_aim(tank, (fish.x, fish.y), target, self.world.touch_px)
+        # `next_aim` gives the legal place nearest to the target, if that is in sight.
         in_sight = waypoint[:2] == tank.nearest_legal_point(target.x, target.y)
         return target if in_sight else waypoint
 
@@ -304,23 +291,34 @@ class Planner:
             stretch, progress = self._swim_next_run(fish, planned, objective, plan)
             if len(stretch.trajectory):
                 return stretch, progress
+        return self._stay(fish, along_px, objective, task, plans), Progress(along_px)
+
+    def _stay(
+        self, fish: Fish, along_px: float, objective: Objective, task: Route | Target,
+        plans: list[Plan],
+    ) -> Stretch:  # fmt: skip
+        """Return the stretch of a fish in place; its goal counts as touched if it rests on it.
+
+        along_px: how far the fish is along the path; plans: that lead nowhere, the best first: the
+        stretch says what the best one compared, and that nothing of it was taken.
+        """
         stretch = self._fallback.stay(fish, self._point_ahead(objective, along_px))
         target = task if isinstance(task, Target) else ANYWHERE
         if not target.free and touches_target(*stretch.trajectory[0], target):
-            stretch = replace(stretch.cut(1), touches_goal=True)  # it rests on its target
-        if plans:  # show what was compared, none of which was taken
-            options = replace(plans[0].verdicts(self.world.motion.rate_hz), taken=-1)
-            decision = options.add_to_decision(stretch.decision)
-            stretch = replace(stretch, options=options, decision=decision)
-        return stretch, Progress(along_px)
+            stretch = replace(stretch.cut(1), touches_goal=True)
+        if not plans:
+            return stretch
+        verdicts = replace(plans[0].verdicts(self.world.motion.rate_hz), taken=-1)
+        decision = verdicts.add_to_decision(stretch.decision)
+        return replace(stretch, options=verdicts, decision=decision)
 
     def _best_plans(
         self, fish: Fish, along_px: float, objective: Objective, rng: np.random.Generator
     ) -> list[Plan]:
-        """Return the best plan by the film, and by the forecast where needed, the best first.
+        """Return the plans to try, the best first: one by the film, one by the forecast, or both.
 
-        The forecast is needed where no branch of the film leads on, or all leave the path.
-        along_px: how far the fish is along the path.
+        The forecast is asked only where no branch of the film leads on, or all cost more than
+        leaving the path. along_px: how far the fish is along the path. [] if no row can be shown.
         """
         filmed = self._best_plan(self.film, fish, along_px, objective, rng)
         if filmed is not None and not self._needs_prediction(filmed, fish, objective):
@@ -330,7 +328,7 @@ class Planner:
         leaving_cost = self._weights.seam
 
         def cost_then_duration(plan: Plan) -> tuple[float, float]:
-            """Return the key by which plans are sorted: of equal costs the longest goes first."""
+            """Return a plan's sort key: of equal costs, infinite ones too, the longest is first."""
             return plan.cost + leaving_cost * (plan.state != FILM), -plan.outcomes.ticks.max()
 
         plans = [plan for plan in (filmed, predicted) if plan is not None]
@@ -378,12 +376,12 @@ class Planner:
     ) -> Plan | None:  # fmt: skip
         """Return the cheapest plan from the candidates of a search; None where no row can be shown.
 
-        source: the motion source of the candidates. Where a fish that wanders alone finds no branch
-        that leads on, the search is repeated with the whole beam.
+        source: the motion source of the candidates. A fish that wanders, or has others near it, is
+        searched for with a narrow beam. Where one that wanders alone finds no branch that leads on,
+        but branches were dropped from the beam, the search is repeated with the whole beam.
         """
         is_alone, on_path = not start.company.near_count, len(objective.route.x) > 0
         wanders = objective.aim.free and not on_path
-        # The narrow weights have a smaller beam, to save time.
         weights = self._narrow_weights if wanders or not is_alone else self._weights
         horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
             self.world.settings.look_ahead_deltas
@@ -416,23 +414,14 @@ class Planner:
         target = before.task if isinstance(before.task, Target) else ANYWHERE
         passage = source.swim_run(fish, run, before.along, objective, target)
         on_path, trajectory = len(objective.route.x) > 0, passage.trajectory
-        reason, quadrant = JUMP if passage.jumps else PLAY, 0
-        if len(trajectory) and not on_path:  # where the fish swims; not told of a path
-            x, y, _ = trajectory[-1].tolist()
-            quadrant = quadrant_of_displacement(x - fish.x, fish.y - y)
-        decision = Decision(
-            reason if before.motion == FILM else AS_PREDICTED, seam=passage.seam, quadrant=quadrant
-        )
-        options = None if plan is None else plan.verdicts(self.world.motion.rate_hz)
-        if options is not None:
-            leaves_film = before.motion != FILM and fish.state == FILM
-            decision = options.add_to_decision(decision, NO_WAY if leaves_film else "")
+        verdicts = None if plan is None else plan.verdicts(self.world.motion.rate_hz)
         stretch = Stretch(
             source.state, trajectory, passage.rows, new=passage.jumps,
             aim=self._point_ahead(objective, passage.along_px),
-            touches_goal=passage.touches_target, decision=decision, kind=FRAME,
+            touches_goal=passage.touches_target,
+            decision=_explain_run(fish, source.state, passage, on_path, verdicts), kind=FRAME,
             rot=wrap_deg(trajectory[:, 2] - self.world.film.heading[passage.rows]),
-            past=passage.past, steer=passage.corrections if on_path else None, options=options,
+            past=passage.past, steer=passage.corrections if on_path else None, options=verdicts,
         )  # fmt: skip
         is_whole = len(trajectory) == run.ticks and not passage.touches_target
         later = tuple(later_runs) if is_whole else ()
@@ -481,7 +470,7 @@ class Planner:
         return Fallback(self.world)
 
     def _fish_in_film(self, fish: Fish) -> Fish:
-        """Return a sprite's fish as a fish in the film, at the row behind the sprite."""
+        """Return a fish that a sprite shows as a fish in the film, at the row behind the sprite."""
         row = int(self.sprite_rows[fish.sprite])
         rot = float(wrap(fish.heading - self.world.film.heading[row]))
         return fish._replace(state=FILM, sprite=-1, row=row, rot=rot)
@@ -517,6 +506,27 @@ class Planner:
         # The next call searches on from the old place along the path for the new one.
         progress = Progress(state.progress.along)
         return short, state._replace(fish=self._fish_after(state.fish, short), progress=progress)
+
+
+def _explain_run(
+    fish: Fish, state: int, passage: Passage, on_path: bool, verdicts: CandidateVerdicts | None
+) -> Decision:
+    """Return why a fish swims along a run: the film plays on or jumps, or the run is predicted.
+
+    fish: before the run; state: of the run, FILM or FORECAST; verdicts: of the search that chose
+    the run, None if an earlier search chose it. The decision's quadrant, towards which the fish
+    swims, is 0 on a path; its exit is NO_WAY where the search had to leave the film.
+    """
+    reason = AS_PREDICTED if state != FILM else JUMP if passage.jumps else PLAY
+    quadrant = 0
+    if len(passage.trajectory) and not on_path:
+        x, y, _heading = passage.trajectory[-1].tolist()
+        quadrant = quadrant_of_displacement(x - fish.x, fish.y - y)
+    decision = Decision(reason, seam=passage.seam, quadrant=quadrant)
+    if verdicts is None:
+        return decision
+    leaves_film = state != FILM and fish.state == FILM
+    return verdicts.add_to_decision(decision, NO_WAY if leaves_film else "")
 
 
 def _is_same_task(task: object, other_task: object) -> bool:

@@ -110,9 +110,9 @@ def build_edit_list(
 
 
 def _find_fades(shown: PictureSequence, jumps: Ints, joins: JoinRules) -> Ints:
-    """Return the ticks at which light and skin are cross-faded: of jumps (k,), those that show it.
+    """Return the ticks (m,) at which light and skin are cross-faded: those of most jumps (k,).
 
-    A jump to a near frame of the same track does not, as both are the same there.
+    Left out are the jumps to a near frame of the same track, which looks the same.
     """
     if not len(jumps):
         return jumps

@@ -175,9 +175,9 @@ class _PlacedTrack(NamedTuple):
         return len(self.along) > 2
 
     def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
-        """Return the shifts (T, 2) px that move bodies into the tank, and the path's new size.
+        """Return the shifts (T, 2) px that move bodies into the tank, and how they scale the path.
 
-        The shifts scale the path by this factor, at most 1; the bodies keep their size.
+        The path is scaled by a factor of at most 1; the bodies keep their size.
         """
         bodies = self.pose.backbone_px()
         shift, factor = find_placement(bodies, film.arena, film.reel.length_px, p)

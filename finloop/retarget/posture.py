@@ -45,25 +45,36 @@ def fit_postures(
     the animal to draw; codes (T, c): the pose codes (principal-component scores), None if unknown.
     Postures unlike all of the film are changed to the nearest ones of the film.
     """
-    # Unknown codes depend on the heading, and this on the posture: they are estimated in turn.
-    rounds = _ROUNDS if codes is None else 1
-    # Directions of the head, seen from a third of the body, and of the body's steps against it.
+    if codes is not None:
+        shown, clamped = shapes.nearest_codes(codes)
+        return FittedPostures(
+            align_postures(shapes.decode(shown), points, along, size_px), shown, clamped
+        )
+    # The codes depend on the heading, and this on the posture: they are estimated in turn.
+    head_direction, directions = _directions_from_head(points, along)
+    heading_from_head = np.zeros(len(points))  # by how much the heading differs from the head's
+    for _ in range(_ROUNDS):
+        likely = most_likely_codes(directions - heading_from_head[:, None], along, shapes)
+        shown, clamped = shapes.nearest_codes(likely)
+        pose = align_postures(shapes.decode(shown), points, along, size_px)
+        heading_from_head = np.angle(np.exp(1j * (pose.heading_rad - head_direction)))
+    return FittedPostures(pose, shown, clamped)
+
+
+def _directions_from_head(points: Points, along: Floats) -> tuple[Floats, Floats]:
+    """Return the direction of the head (T,), and those of the body's steps relative to it.
+
+    Both are radians, anticlockwise on screen; the steps (T, m − 1) lead towards the head, without
+    jumps of 2 π along the body. The head points from a third of the body to its first point.
+    points, along: as in `fit_postures`.
+    """
     neck = max(1, int(np.argmin(np.abs(along - _HEAD))))
     head = points[:, 0] - points[:, neck]
     head_direction = np.arctan2(-head[:, 1], head[:, 0])
     step = points[:, :-1] - points[:, 1:]
     angles = np.arctan2(-step[..., 1], step[..., 0]) - head_direction[:, None]
-    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # within ±π; the others are unwrapped
-    directions = np.unwrap(angles, axis=1)
-    heading_from_head = np.zeros(len(points))  # by how much the heading differs from the head's
-    for _ in range(rounds):
-        likely = codes
-        if likely is None:
-            likely = most_likely_codes(directions - heading_from_head[:, None], along, shapes)
-        shown, clamped = shapes.nearest_codes(likely)
-        pose = align_postures(shapes.decode(shown), points, along, size_px)
-        heading_from_head = np.angle(np.exp(1j * (pose.heading_rad - head_direction)))
-    return FittedPostures(pose, shown, clamped)
+    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # within ±π
+    return head_direction, np.unwrap(angles, axis=1)
 
 
 def most_likely_codes(directions: Floats, along: Floats, shapes: PoseShapes) -> Floats:
@@ -79,7 +90,7 @@ def most_likely_codes(directions: Floats, along: Floats, shapes: PoseShapes) -> 
     bend_count = backbone_bends(shapes.mean).size
     first = round(along[0] * bend_count)
     is_given = np.zeros(len(shapes.mean), bool)  # of the numbers of a posture, among them bends
-    backbone_bends(is_given)[first : first + directions.shape[1]] = True  # a view
+    backbone_bends(is_given)[first : first + directions.shape[1]] = True  # changes `is_given`
     deviations = (directions - shapes.mean[is_given]) * shapes.weights[is_given]
     components = shapes.shapes[:, is_given]
     # The noise is the variance that the shapes leave, spread over the numbers that they leave free.

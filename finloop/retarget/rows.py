@@ -55,7 +55,8 @@ class FilmRows:
         """
         n, span = len(reel), max(1, round(infer_delta_frames(reel.features) / 4))
         sides = len(look) // n  # 2 with mirror images, else 1
-        # Parts (2, n, …) of a vector, of the rows and of their mirror images, and what scales each.
+        # The parts of a vector, each (2, n, …): of the rows [0], of their mirror images [1]; and
+        # the factors by which they are scaled.
         codes = np.stack([poses.codes, poses.codes @ poses.shapes.mirror_matrix])
         change = np.stack([change_per_row(part, reel.has_next_frame, span) for part in codes])
         motion = measure_film_motion(reel, span)

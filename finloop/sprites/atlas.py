@@ -66,6 +66,7 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
     # Each page gets as many groups as fit, and is about as wide as high.
     atlas: list[AtlasPage] = []
     while groups:
+        # The counts 1, 2 … up to the last that fits do not overflow: `fit` is their number.
         fit = bisect_left(range(1, len(groups) + 1), True, key=overflows_page)
         if fit == 0:
             slots = groups[0]
@@ -172,12 +173,9 @@ def to_straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def atlas_page_json(
-    atlas: list[AtlasPage],
-    page_number: int,
-    sprites: pd.DataFrame,
-    index: pd.DataFrame,
+    atlas: list[AtlasPage], page_number: int, sprites: pd.DataFrame, index: pd.DataFrame,
     rate_hz: float,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Return the JSON of an atlas page: its sprites' rectangles, sequences, and each step's motion.
 
     sprites: schema `SPRITES`; index: has the place and size [px] of each sprite in each
@@ -240,10 +238,7 @@ def _frame_rectangles(
     (x, y), side = centre_px, 2 * reach + 1
     origin_x, origin_y = (np.floor(centre_px + 0.5) - reach).astype(int).tolist()
     # A share of the square, from its edge: half a px before its first pixel's centre.
-    pivot = {
-        "x": round((x - origin_x + 0.5) / side, 6),
-        "y": round((y - origin_y + 0.5) / side, 6),
-    }
+    pivot = {"x": round((x - origin_x + 0.5) / side, 6), "y": round((y - origin_y + 0.5) / side, 6)}
     return {
         "frame": {"x": slot.x, "y": slot.y, "w": slot.width, "h": slot.height},
         "rotated": False,

@@ -219,11 +219,10 @@ def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
 def find_tail_beats(
     table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Find runs of frames with one tail beat in straight swimming, with their faults.
+    """Return the candidates for a tail beat: straight swimming with one wave of the tail.
 
-    table: from `swimmer_table`; delta_frames: the time Δ, of which the settings give the lengths of
-    a beat as multiples; the result has the columns start (row of `table`), length (frames)
-    and one per fault, of which 1 is just acceptable. It is empty if there is no tail beat.
+    table: from `swimmer_table`; delta_frames: Δ, the unit of a beat's length in the settings. The
+    columns are those of `_candidate_table`. The result is empty if there is no tail beat.
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
     most = round(settings.beat_most * delta_frames)
@@ -251,13 +250,11 @@ def find_tail_beats(
 
 
 def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Find runs of frames of straight gliding with a still tail, with their faults.
+    """Return the candidates for a glide: straight swimming with a still tail.
 
-    table: from `swimmer_table`; delta_frames: the time Δ, of which the settings give the lengths of
-    a glide as multiples; the result has the columns start (row of `table`), length (frames)
-    and one per fault, of which 1 is just acceptable. Runs shorter than `slide_least` are included
-    only if there are no longer ones, and those whose tail moves more than `still` only if no tail
-    is still.
+    table: from `swimmer_table`; delta_frames: Δ, the unit of a glide's length in the settings. The
+    columns are those of `_candidate_table`. Runs shorter than `slide_least` are included only if
+    there are no longer ones, and those whose tail moves more than `still` only if no tail is still.
     """
     least = max(3, round(settings.slide_least * delta_frames))
     most = max(3, round(settings.slide_most * delta_frames))
@@ -283,7 +280,7 @@ def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSetting
 def _find_substitute_tail_beats(
     table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Find glides that replace a missing tail beat, as `find_glides` does; maybe none.
+    """Return glides that replace a missing tail beat, as `find_glides` does; maybe none.
 
     They are of straight frames, else of usable frames of any swimming type, else of any frames.
     """
@@ -370,7 +367,7 @@ def _crowding_fault(neighbour_bl: Reals, settings: SpritesSettings) -> Floats:
 
 
 def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Find the film's strongest whole turns to one side, with their faults.
+    """Return the candidates for a turn to one side: the film's strongest whole turns.
 
     side: 1 left, −1 right; the result has the columns start (row of `table`), length (frames) and
     one per fault. A turn is whole if all its frames are usable, it has frames before and after the
@@ -399,17 +396,17 @@ def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.
 
 
 def _find_substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
-    """Find bends to one side that replace a missing whole turn: candidates with the fault "weaker".
+    """Return bends to one side that replace a missing whole turn: candidates with a single fault.
 
-    Each lasts from one minimum of the bend to the next. The fault is how much weaker it is than the
-    strongest bend, as a share. side: 1 left, −1 right.
+    Each lasts from one minimum of the bend to the next. The fault, "weaker", is how much weaker it
+    is than the strongest bend, as a share. side: 1 left, −1 right.
     """
     bends = []
     for span in _unbroken_row_slices(table):
-        bend = side * table["bend"].to_numpy()[span][:-1]  # a frame of the track follows
-        minimal = (bend[1:-1] < bend[:-2]) & (bend[1:-1] <= bend[2:])
-        low = np.flatnonzero(np.r_[True, minimal, True][: len(bend)])
-        for first, last in pairwise(low.tolist()):
+        bend = side * table["bend"].to_numpy()[span][:-1]  # a frame must follow a candidate
+        is_minimum = (bend[1:-1] < bend[:-2]) & (bend[1:-1] <= bend[2:])
+        minima = np.flatnonzero(np.r_[True, is_minimum, True][: len(bend)])  # and both ends
+        for first, last in pairwise(minima.tolist()):
             peak = float(bend[first : last + 1].max())
             if last - first >= 2 and peak > max(0.0, bend[first], bend[last]):
                 bends.append((span.start + first, last - first + 1, peak))
@@ -448,8 +445,8 @@ def _measure_turn(
     """Return start, length and faults of the turn around a row; None if the turn is not whole.
 
     A fault of 1 is just acceptable. start: its first row in `track`; length: its frames. track:
-    rows of the table of swimmers; bend: to the side, of each row; side: 1 left, −1 right; peak_row:
-    where the bend is largest; strongest_bend: of the film.
+    rows of the table of swimmers; bend: of each row, + = to the side; side: 1 left, −1 right;
+    peak_row: where the bend is largest; strongest_bend: of the film.
     """
     span = _find_turn_span(track, bend, side, peak_row, settings)
     if span is None:
@@ -488,8 +485,8 @@ def _find_straightest_row(
 ) -> int:
     """Return the row, from a peak towards `end_row`, where the fish is straightest.
 
-    bend: of each row of a track. The search ends at the next bend, or at a straight fish; small
-    rises of the bend do not end it.
+    bend: of each row of a track, + = to the side of the turn. The search ends at a straight fish, a
+    bend to the other side, or where the bend rises again by more than a little.
     """
     direction = 1 if end_row > peak_row else -1
     straightest = row = peak_row
@@ -551,8 +548,8 @@ def choose_frames(
             runs[sequence] = best_runs(sequence, find_candidates(table, delta_frames, settings))
     stands_in: set[str] = set()  # sequences for which the film shows only a substitute
     if not runs["straight"]:
-        glides = _find_substitute_tail_beats(table, delta_frames, settings)
-        runs["straight"] = best_runs("straight", glides)
+        substitutes = _find_substitute_tail_beats(table, delta_frames, settings)
+        runs["straight"] = best_runs("straight", substitutes)
         stands_in.add("straight")
     if not (runs["left"] or runs["right"]):
         for sequence, side in SIDES.items():

@@ -42,22 +42,19 @@ def sprite_orientation_table(sprites: pd.DataFrame, features: pd.DataFrame) -> p
 
 
 def count_complete_orientations(table: pd.DataFrame) -> int:
-    """Count the orientations (rows) of a Table 1 that show straight swimming and both turns."""
+    """Return how many orientations (rows) of a Table 1 show straight swimming and both turns."""
     return int((table[["straight_pct", "left_pct", "right_pct"]] > 0).all(axis=1).sum())
 
 
 def sprite_metrics(
-    sprites: pd.DataFrame,
-    table: pd.DataFrame,
-    features: pd.DataFrame,
-    film_frames: int,
+    sprites: pd.DataFrame, table: pd.DataFrame, features: pd.DataFrame, film_frames: int,
     rate_hz: float,
-) -> dict[str, float]:
+) -> dict[str, float]:  # fmt: skip
     """Return the metrics of the chosen sprites, by their names in metrics.json.
 
     sprites: schema `SPRITES`; table: a row for each fish in each frame, from `swimmer_table`;
-    features: the film's feature table; film_frames: how many frames the film has; rate_hz: of them
-    a second. Names with "before" speak of the film, those with "after" of the sprites.
+    features: the film's feature table; film_frames: how many frames the film has; rate_hz: frames
+    per second. Names with "before" speak of the film, those with "after" of the sprites.
     """
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     used = sprites[["track_id", "frame"]].drop_duplicates()

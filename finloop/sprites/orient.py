@@ -104,13 +104,14 @@ def _drawn_headings(
 
     side: of the turn that the run shows, 1 left, −1 right, 0: no turn.
     """
-    start, stop, frames = run.rows.start, run.rows.stop, run.rows.stop - run.rows.start
+    start, stop = run.rows.start, run.rows.stop
     has_next = stop < len(table) and table["track_id"].iat[stop] == run.track_id
+    last = stop if has_next else stop - 1  # the last row whose heading is known
     if side:
-        heading = smooth_series(table["heading"].to_numpy()[start : stop + has_next])
+        heading = smooth_series(table["heading"].to_numpy()[start : last + 1])
     else:
-        heading = cycle_headings(table, start, frames if has_next else frames - 1)
-    if not has_next:  # the last change is repeated
+        heading = cycle_headings(table, start, last - start)
+    if not has_next:  # the frame that would come next: the last change is repeated
         heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
     turned_back_deg = -np.minimum(side * np.diff(heading), 0).sum()
     if side and turned_back_deg <= settings.turn_back_deg:  # it is noise, and taken out
