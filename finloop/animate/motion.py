@@ -214,13 +214,14 @@ def _turns_of_runs(runs: list[SwimmingRun], rate_hz: float, delta: int) -> Turns
     for track, side, first, end in runs:  # side: 1 left, −1 right
         if first == 0 or end > len(track.kind) - 1:
             continue  # cut off by an end of the track
-        # Degrees turned since the frame before the run; and in each Δ of it.
+        # Degrees turned up to each frame, from the one before the run on; and in each Δ, or in all
+        # of a shorter run.
         turned = side * (track.heading_deg[first - 1 : end + 1] - track.heading_deg[first - 1])
         if turned[-1] <= 0:
             continue  # the fish bent, and did not turn
         in_delta = turned[min(delta, len(turned) - 1) :] - turned[: max(len(turned) - delta, 1)]
         fastest = first - 1 + int(in_delta.argmax())  # beginning of the Δ with the largest turn
-        # In that Δ, at the speed of its middle.
+        # What the fish swims in that Δ, at the speed of its middle.
         displacement = track.speed[min(fastest + delta // 2, end - 1)] * delta / rate_hz
         forward, sideways = track.forward[first:end], side * track.sideways[first:end]
         rows.append((turned[-1], end - first, in_delta.max(), displacement, forward, sideways))

@@ -107,17 +107,18 @@ class PredictionSource:
     state = FORECAST
 
     def __init__(self, world: FilmWorld, sampler: Sampler, rarity: Rarity) -> None:
-        """Keep the forecast's sampler, and find for each row the nearest row with similar ones."""
+        """Keep the sampler; find for each row the nearest one from which a fish can go on."""
         self._world, self.sampler, self._rarity = world, sampler, rarity
         rate, length = world.motion.rate_hz, world.motion.body_length_px
         self._step_scale = StepScale(length / rate, float(np.degrees(1 / rate)))
-        self._pose_codes = sampler.states[:, :-MOTION]  # the other numbers of a state
-        # For each row the nearer of the rows before and after it that can be followed.
+        self._pose_codes = sampler.states[:, :-MOTION]  # a state is these, and then its motion
+        # A fish goes on from a row that it can follow, or that has similar ones. For each row: the
+        # last such row before it and the first from it on, of which the nearer is taken.
         rows = np.arange(len(sampler.usable))
-        has_similar = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
-        later = np.minimum(np.searchsorted(has_similar, rows), len(has_similar) - 1)
-        neighbours = has_similar[np.stack([np.maximum(later - 1, 0), later])]
-        self._nearest = neighbours[np.abs(neighbours - rows).argmin(0), rows]
+        leads_on = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
+        later = np.minimum(np.searchsorted(leads_on, rows), len(leads_on) - 1)
+        before_and_after = leads_on[np.stack([np.maximum(later - 1, 0), later])]
+        self._nearest = before_and_after[np.abs(before_and_after - rows).argmin(0), rows]
 
     @cached_property
     def graph(self) -> SearchGraph:
@@ -134,7 +135,7 @@ class PredictionSource:
         rest_cost: ticks that a tick on the spot costs; along_px: px along the path. None where no
         row can be shown next.
         """
-        film, row = self.graph.film, self._row_with_similar(fish)
+        film, row = self.graph.film, self._row_that_leads_on(fish)
         start = _search_start(fish, fish.x, fish.y, fish.tick, rest_cost, along_px)
         candidates = weigh_film_candidates(
             film, row, fish.heading - float(film.heading[row]), start.recent, start.tick,
@@ -155,7 +156,7 @@ class PredictionSource:
         The predicted trajectory is extended by film, for steering to look ahead. along_px: px along
         the path at the start; target: ends the run when the fish touches it.
         """
-        film, row, shown_row = self.graph.film, run.row, self._row_with_similar(fish)
+        film, row, shown_row = self.graph.film, run.row, self._row_that_leads_on(fish)
         past = fish.past
         if past is None:
             past = start_at_row(self.sampler, shown_row).past
@@ -179,8 +180,8 @@ class PredictionSource:
             past=np.concatenate([past[::-1], states[:ticks]]),
         )  # fmt: skip
 
-    def _row_with_similar(self, fish: Fish) -> int:
-        """Return the row on screen of a predicted fish, else the nearest row with similar ones."""
+    def _row_that_leads_on(self, fish: Fish) -> int:
+        """Return the row on screen of a predicted fish, else the nearest one that leads on."""
         return int(self._nearest[fish.row]) if fish.past is None else fish.row
 
 
