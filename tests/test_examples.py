@@ -81,10 +81,9 @@ def test_the_ten_lines_make_what_the_stages_make(animate_run, tiny, tmp_path, mo
         shoaling = verbs.find_zones(names["features"], names["film"])
     edit = verbs.steer(*made, shoaling=shoaling, **company)
     assert set(edit["fish"]) == {0, 1} and "company" in set(edit["goal"])
+    given = names["features"], names["poses"], names["jumps"], names["film"].rate_hz
     with pytest.raises(FinloopError, match="rows with a past"):
-        verbs.train_forecast(
-            names["features"], names["poses"], names["jumps"], names["film"].rate_hz
-        )
+        verbs.train_forecast(*given)
     again = finloop.open_film(names["film"].folder / "clip.mp4", end_s=1.0)
     assert (again.facts.width_px, again.facts.frames) == (320, len(list(again)))
 
@@ -111,8 +110,6 @@ def test_a_guide_shows_the_example():
 def test_the_door_hands_out_documented_verbs_and_imports_nothing():
     assert finloop.__all__ == verbs.__all__
     assert all(getattr(finloop, name).__doc__ for name in finloop.__all__)
-    code = (
-        "import finloop, sys; print({'numpy', 'cv2', 'pandas', 'finloop.verbs'} & {*sys.modules})"
-    )
+    code = "import finloop, sys; print({'numpy', 'cv2', 'finloop.verbs'} & {*sys.modules})"
     said = subprocess.check_output([sys.executable, "-c", code], cwd=ROOT, text=True)
     assert said.strip() == "set()"

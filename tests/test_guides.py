@@ -41,13 +41,8 @@ def values(text: str) -> list[tuple[str, str]]:
 
 
 def outputs() -> set[str]:
-    """The files and folders that the stages write."""
-    listed = [
-        out
-        for stage in STAGES.values()
-        for kind in ("outs", "metrics", "plots")
-        for out in stage.get(kind, [])
-    ]
+    kinds = ("outs", "metrics", "plots")
+    listed = [out for stage in STAGES.values() for kind in kinds for out in stage.get(kind, [])]
     return {name for out in listed for name in (out if isinstance(out, dict) else [out])}
 
 

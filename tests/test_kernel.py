@@ -34,11 +34,8 @@ def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_file_chang
         "from typing import NamedTuple\n" + head + "class Kind{0}(NamedTuple):\n    of: int\n"
         "a_kind = Kind{0}(1)\n@kernel\ndef inner():\n    return {0}\n"
     )  # a type, too, has another name
-    outer = (
-        "from finloop.inner import a_kind, inner\n"
-        + head
-        + "@kernel\ndef outer(kind):\n    return inner() * kind.of\n"
-    )
+    outer = "from finloop.inner import a_kind, inner\n" + head
+    outer += "@kernel\ndef outer(kind):\n    return inner() * kind.of\n"
     (tmp_path / "finloop/outer.py").write_text(outer)
     (tmp_path / "inner.txt").write_text(inner)
     printed = subprocess.check_output([sys.executable, "-c", LOOK], cwd=tmp_path, text=True)

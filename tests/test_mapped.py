@@ -34,12 +34,9 @@ def test_a_new_array_is_in_the_folder_when_that_is_whole(tmp_path):
 
 @pytest.mark.parametrize(
     ("shape", "kind", "said"),
-    [
-        ((7, 4), "int64", r"shape \(6, 4\)"),
-        ((None,), "int64", r"shape \(6, 4\)"),
-        ((6, 4), "float32", "of int64"),
-    ],
-)
+    [((7, 4), "int64", r"shape \(6, 4\)"), ((None,), "int64", r"shape \(6, 4\)"),
+     ((6, 4), "float32", "of int64")],
+)  # fmt: skip
 def test_an_array_of_another_film_is_refused(tmp_path, shape, kind, said):
     save_array(tmp_path / "a.npy", ROWS)
     with pytest.raises(FinloopError, match=said):

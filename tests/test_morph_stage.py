@@ -55,9 +55,8 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
 
 @pytest.mark.usefixtures("no_drawing")
 def test_numbers_tell_what_was_made(folder, monkeypatch):
-    monkeypatch.setattr(
-        stages.morph, "_draw_released_hoop", lambda _: {}
-    )  # as above, whatever the method
+    # As above, whatever the method.
+    monkeypatch.setattr(stages.morph, "_draw_released_hoop", lambda _: {})
     monkeypatch.setattr(stages.morph.MorphSettings, "back", False)
     prepare(folder, *SMALL, "morph.method=linear")
     stages.morph.main()
@@ -76,12 +75,9 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
 
 @pytest.mark.parametrize(
     ("asked", "said"),
-    [
-        ("morph.contour_points=100", "power of two"),
-        ("morph.wavelet=db2", "H"),
-        ("morph.last_drawing=data/drawings/hoop.svg", "hoop"),
-    ],
-)
+    [("morph.contour_points=100", "power of two"), ("morph.wavelet=db2", "H"),
+     ("morph.last_drawing=data/drawings/hoop.svg", "hoop")],
+)  # fmt: skip
 @pytest.mark.usefixtures("no_drawing")
 def test_what_is_wrong_is_said_and_nothing_is_lost(folder, monkeypatch, asked, said):
     monkeypatch.setattr(stages.morph, "_draw_released_hoop", lambda _: {})

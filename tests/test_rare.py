@@ -32,9 +32,8 @@ def test_a_step_costs_its_share_of_the_time_that_the_film_takes_for_as_large_a_o
     seen = np.array([4.0, 1.0, 2.0, 2.0, np.nan])
     made = rarity_of(np.zeros(5), np.linspace(0, 0.4, 5), seen, share=0.5)
     assert made.steps == pytest.approx([0, 4, 1, 2, 2])
-    assert made.step_costs(np.array([0.5, 1, 2, 3, 4, 9])) == pytest.approx(
-        [0.5, 0.5, 0.5 * 4 / 3, 2, 2, 2]
-    )
+    costs = made.step_costs(np.array([0.5, 1, 2, 3, 4, 9]))
+    assert costs == pytest.approx([0.5, 0.5, 0.5 * 4 / 3, 2, 2, 2])
     assert made.cumulative_row_costs[-1] == pytest.approx(0)  # on average over the film nothing
 
 
