@@ -237,16 +237,6 @@ def test_a_backbone_is_as_long_as_the_midline_and_lies_on_it(degrees, bend, end,
     assert found.half_width_px.shape == (33,)
 
 
-def test_thinning_alone_stops_short_of_the_head():
-    # That is why the path is carried on to the outline (the paper does not).
-    line, half_width = shape(0.8, 90, end=2.0)
-    mask, field = draw_discs(line, half_width)
-    head = whole(line, half_width)[0]
-    found, thinned = backbone(mask, field).points_px, longest(skeletonize(mask))
-    assert cdist([head], thinned).min() > 3.0
-    assert cdist([head], found).min() < 1.0
-
-
 VIEWS = {  # a picture, and the points in it, seen otherwise
     "turned by 90°": (np.rot90, lambda p: np.stack([p[:, 1], SIZE[1] - 1 - p[:, 0]], 1)),
     "upside down": (lambda z: z[::-1, ::-1], lambda p: np.array(SIZE)[::-1] - 1 - p),

@@ -730,17 +730,6 @@ def test_the_dark_patches_of_a_white_fish_belong_to_it_and_its_shadow_does_not(c
     assert not mask[cv2.dilate(fish, np.ones((5, 5))) == 0].any()
 
 
-def test_a_fish_that_hardly_moves():
-    # It beats its tail in place: a median takes most of it for tank, an even tone does not.
-    tank = np.full((160, 220), 170, np.uint8)
-    poses = [(110 + 3 * np.sin(k / 3), 80, 4 * np.sin(k / 2)) for k in range(30)]
-    frames = [lay_over(tank, coverage(*pose, size=tank.shape), 60) for pose in poses]
-    for background in ("threshold", "auto"):
-        found, tally = follow_fish(frames, replace(SETTINGS, background=background))
-        assert tally == {"fish": 30}
-        assert np.median([f.fish.backbone.length_px for f in found]) == pytest.approx(60, rel=0.03)
-
-
 def test_the_ghost_of_a_fish_that_moves_less_than_its_length_is_painted_out():
     rng = np.random.default_rng(5)
     tank = cv2.GaussianBlur(rng.normal(170, 20, (240, 320)), (0, 0), 3).clip(0, 255)

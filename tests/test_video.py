@@ -300,15 +300,11 @@ def test_facts_come_back(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "{}", '{"source": "file"}', "no JSON"])
-def test_broken_facts_are_said(tmp_path, text):
+def test_broken_or_unknown_facts_are_said(tmp_path, text):
     path = tmp_path / "facts.json"
     path.write_text(text)
     with pytest.raises(FinloopError, match="facts of a clip"):
         load_facts(path)
-
-
-def test_unknown_facts_are_said(tmp_path):
-    path = tmp_path / "facts.json"
     save_facts(path, FACTS)
     path.write_text(path.read_text().replace('"source"', '"origin"'))
     with pytest.raises(FinloopError, match="origin"):
