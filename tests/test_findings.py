@@ -76,21 +76,20 @@ def test_a_film_of_a_tenth_of_the_rate_has_too_few_frames_in_a_beat(tmp_path):
     assert "rate" in faults(tmp_path, carp_frames(40, frame_rate_hz=2.5, **SIZE), rate=2.5)
 
 
-def test_a_blurred_film_is_not_sharp(tmp_path, carp):
-    assert faults(tmp_path, [cv2.GaussianBlur(f, (0, 0), 3) for f in carp]) == {"sharpness"}
+SPOILT = {  # the fault, and a frame that has it
+    "sharpness": lambda frame: cv2.GaussianBlur(frame, (0, 0), 3),
+    "size": lambda frame: cv2.resize(frame, (160, 120), interpolation=cv2.INTER_AREA),
+    "border": lambda frame: frame[40:170, 60:240].copy(),
+}
+
+
+@pytest.mark.parametrize("fault", SPOILT)
+def test_a_film_that_is_blurred_small_or_cut_off_has_this_fault_alone(tmp_path, carp, fault):
+    assert faults(tmp_path, [SPOILT[fault](frame) for frame in carp]) == {fault}
 
 
 def test_a_film_that_was_coded_too_small_is_coded_badly(tmp_path, carp):
     assert "coding" in faults(tmp_path, carp, crf=50)
-
-
-def test_a_shrunk_animal_is_too_small(tmp_path, carp):
-    small = [cv2.resize(f, (160, 120), interpolation=cv2.INTER_AREA) for f in carp]
-    assert faults(tmp_path, small) == {"size"}
-
-
-def test_an_animal_that_leaves_the_picture_is_cut_off_by_its_border(tmp_path, carp):
-    assert faults(tmp_path, [f[40:170, 60:240].copy() for f in carp]) == {"border"}
 
 
 @pytest.mark.parametrize(("leg_width", "bad"), [(0.05, False), (0.08, True)])

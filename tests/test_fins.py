@@ -134,12 +134,18 @@ def test_what_is_far_from_the_silhouette_is_no_part_of_the_fish():
 
 
 @pytest.mark.parametrize(
-    ("how", "fins"),
-    [({"fin": 0.2}, "all"), ({"shadow": 0.4}, "none"), ({"gloom": 0.3}, "none"), ({}, "all")],
-)
-def test_fins_are_told_from_shadows_and_gloom_by_many_fish(how, fins):
-    typical = measure_scene_and_fish(wheel(**how), WHOLE, settings("extract"))[1]
-    assert typical.fins == fins
+    ("parameter", "how", "fins"),
+    [
+        ("auto", {"fin": 0.2}, "all"), ("auto", {"shadow": 0.4}, "none"),
+        ("auto", {"gloom": 0.3}, "none"), ("auto", {}, "all"),
+        ("keep", {"shadow": 0.4}, "all"), ("drop", {"fin": 0.2}, "none"),
+    ],
+)  # fmt: skip
+def test_fins_are_told_from_shadows_and_gloom_by_many_fish_or_by_the_parameter(
+    parameter, how, fins
+):
+    own = settings("extract", fins=parameter)
+    assert measure_scene_and_fish(wheel(**how), WHOLE, own)[1].fins == fins
 
 
 def test_a_fin_fades_where_noise_begins():
@@ -160,14 +166,6 @@ def test_bright_fins_are_kept_where_the_shadow_is_dropped():
     found_scene, typical = measure_scene_and_fish(frames, WHOLE, own)
     assert found_scene.polarity == "both"
     assert typical.fins == "brighter"
-
-
-@pytest.mark.parametrize(
-    ("fins", "how", "told"), [("keep", {"shadow": 0.4}, "all"), ("drop", {"fin": 0.2}, "none")]
-)
-def test_the_parameter_decides(fins, how, told):
-    own = settings("extract", fins=fins)
-    assert measure_scene_and_fish(wheel(**how), WHOLE, own)[1].fins == told
 
 
 def test_a_film_in_which_all_head_the_same_way_keeps_what_is_pale():
