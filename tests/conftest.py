@@ -31,7 +31,7 @@ OUTPUTS = ("data", "reports")
 os.environ["PYTHONPATH"] = os.pathsep.join(
     [str(ROOT), str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
 )
-FRONT = ("plots-film",)  # and what these wait for
+FRONT = ("features",)  # and what it waits for
 TINY_CARP = [
     f"{key}={value if isinstance(value, str) else json.dumps(value)}"
     for key, value in yaml.safe_load((ROOT / ".ci/fixture/film.yaml").read_text("utf-8")).items()
@@ -233,6 +233,8 @@ def run_copy(make: pytest.TempPathFactory, tiny_run: "TinyRun", words: Collectio
     copy.git("config", "user.name", "test")
     copy.git("config", "user.email", "test@example.org")
     (root / "params.yaml").write_text(composed_once(TINY_CARP), encoding="utf-8")
+    with (root / ".dvc/config").open("a") as config:
+        config.write(f"\n['remote \"lab\"']\n    url = {apart / 'lab'}\n")
     copy.git("add", "--all")
     copy.git("commit", "--quiet", "--message", "before the first run")
     tiny_run.bring(root, words)
@@ -274,13 +276,6 @@ def front_run(tmp_path_factory: pytest.TempPathFactory, tiny_run: "TinyRun") -> 
     """
     yield (copy := run_copy(tmp_path_factory, tiny_run, FRONT))
     end_processes(copy.root)
-
-
-@pytest.fixture
-def repo(first_run: Copy) -> Iterator[Copy]:
-    """The copy with all stages, put back in order after the test."""
-    yield first_run
-    first_run.back()
 
 
 @pytest.fixture

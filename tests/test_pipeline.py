@@ -18,7 +18,10 @@ import pandas as pd
 import psutil
 import pytest
 import yaml
+from browser import chromium, visit
 from conftest import TINY_CARP, Copy, alive, wait_for
+from playwright.sync_api import expect
+from scratch import content
 from tiny_run import plot_sources
 
 from benchmarks.pipeline import does_read
@@ -66,8 +69,9 @@ DRAWN = {stage: import_module(code.stage_module(stage)).MODULES for stage in PLO
 
 
 @pytest.mark.parametrize("word", STAGES)
-def test_a_stage_depends_on_the_files_that_it_runs(word):
+def test_a_stage_depends_on_its_checked_parameters_and_the_files_that_it_runs(word):
     deps = STAGES[word]["deps"]
+    assert outputs("params").keys() == {"data/params"}
     first = {"code": ["finloop", "stages"], "params": ["data/code"]}
     first_of_word = first.get(word, [f"data/params/{word}.yaml"])
     assert deps[: len(first_of_word)] == first_of_word
@@ -183,19 +187,12 @@ def test_a_changed_search_for_loops_reruns_no_stage_that_shows_none():
 
 def test_no_module_is_loaded_that_is_not_in_the_list():
     """In a process of its own, which imports the stage: of `Project`, only what it uses."""
-    word, program = (
-        "export",
-        (
-            "import sys, stages.export\n"
-            "for one in list(sys.modules.values()):\n"
-            "    print(getattr(one, '__file__', None))"
-        ),
-    )
+    program = "import sys, stages.export\nfor one in [*sys.modules.values()]: print(getattr(one, '__file__', None))"
     text = subprocess.check_output([sys.executable, "-c", program], cwd=ROOT, text=True)
-    ours = {Path(line) for line in text.splitlines() if line.startswith(str(ROOT))}
-    ours = {path.relative_to(ROOT).as_posix() for path in ours}
+    lines = [line for line in text.splitlines() if line.startswith(str(ROOT))]
+    ours = {Path(line).relative_to(ROOT).as_posix() for line in lines}
     loaded = {path for path in ours if path.startswith(("finloop/", "stages/"))}
-    assert len(loaded) > 10 and loaded <= files(word)
+    assert len(loaded) > 10 and loaded <= files("export")
 
 
 def test_a_stage_depends_on_the_parts_of_a_project_that_it_uses(tmp_path):
@@ -308,16 +305,9 @@ def test_a_stage_enters_and_leaves_by_the_door(word):
 def test_every_group_belongs_to_a_stage_every_mode_has_one_and_the_cluster_none():
     assert set(WORDS) == set(STAGES) - {*FIRST, *PLOTS, *PLAYED} | set(MODES)
     assert {*PLAYED} == {stage for stage in STAGES if stage.startswith("modes-")}
-    listed = {
-        group for stage in STAGES.values() for group in stage.get("meta", {}).get("params", [])
-    }
+    metas = [stage.get("meta", {}) for stage in STAGES.values()]
+    listed = {group for meta in metas for group in meta.get("params", [])}
     assert {*GROUPS} - {*WORDS} == {"cluster"} and "cluster" not in listed
-
-
-def test_nothing_runs_before_the_parameters_are_checked():
-    (checked,) = outputs("params")
-    own = {word: f"{checked}/{word}.yaml" for word in STAGES if word not in FIRST}
-    assert all(path in STAGES[word]["deps"] for word, path in own.items())
 
 
 @pytest.mark.parametrize("word", STAGES)
@@ -377,12 +367,10 @@ def test_another_number_of_orientations_goes_all_the_way(first_run: Copy):
 
 
 QUICK = {
-    "title": "t",
-    "why": "w",
-    "seen": "s",
+    "title": "t", "why": "w", "seen": "s",
     "params": {"features.turn_end_threshold": "0.4, 0.5, 7.0"},
     "measures": ["features.straight_pct"],
-}
+}  # fmt: skip
 
 
 def add_sweep(repo: Copy) -> Path:
@@ -422,56 +410,45 @@ def test_refused_overrides_leave_everything_as_it_was(front_run: Copy):
     assert repo.git("status", "--porcelain") == ""
 
 
-def overrides(*own: str) -> list[str]:
-    return [word for value in (*TINY_CARP, *own) for word in ("-S", value)]
+@pytest.fixture(scope="module")
+def shorter(front_run: Copy) -> str:
+    """The name of an experiment in which turns are shorter.
 
-
-def test_an_experiment_runs_apart_is_applied_compared_and_charted_offline(front: Copy):
-    """In a temporary copy that has what git tracks; a queued experiment is made in the same way.
-
-    That one runs in the workspace, a sweep's in its clones show.
+    It runs in a temporary copy that has what git tracks; a queued experiment is made in the same
+    way. That one runs in the workspace, a sweep's in its clones show.
     """
-    before = front.text("params.yaml")
-    changes = overrides("features.turn_end_threshold=1")
-    text = front.dvc("exp", "run", "--temp", "--name", "shorter", *changes, "features")
+    before, changed = front_run.text("params.yaml"), "features.turn_end_threshold=1"
+    changes = [word for value in (*TINY_CARP, changed) for word in ("-S", value)]
+    text = front_run.dvc("exp", "run", "--temp", "--name", "shorter", *changes, "features")
     assert "Ran experiment(s): shorter" in text
     ran = re.findall(r"Running stage '([\w-]+)'", text)
     assert ran == ["params", "features"]  # DVC's run cache has the rest
-    assert front.text("params.yaml") == before
-    assert front.git("status", "--porcelain") == ""
-    front.dvc("exp", "apply", "shorter")
+    assert front_run.text("params.yaml") == before
+    assert front_run.git("status", "--porcelain") == ""
+    return "shorter"
+
+
+def test_an_experiment_is_applied_compared_and_charted_offline(front: Copy, shorter: str):
+    front.dvc("exp", "apply", shorter)
     assert "up to date" in front.dvc("status", "features")
     changed = {"features.turn_end_threshold": {"old": 0.5, "new": 1, "diff": 0.5}}
     assert json.loads(front.dvc("params", "diff", "--json")) == {"params.yaml": changed}
     (diff,) = json.loads(front.dvc("metrics", "diff", "--json")).items()
     assert diff[0] == "reports/features/metrics.json"
     assert diff[1]["straight_pct"]["diff"] > 0  # turns are shorter
-    runs = next(
-        line for line in front.run("make", "-n", "runs").splitlines() if " exp show" in line
-    )
-    shown = front.run("sh", "-c", runs)
-    assert "shorter" in shown and "features.turn_end_threshold" in shown
+    commands = front.run("make", "-n", "runs").splitlines()
+    shown = front.run("sh", "-c", next(line for line in commands if " exp show" in line))
+    assert shorter in shown and "features.turn_end_threshold" in shown
     assert "held_out_area_rmse" not in shown and "straight_pct" not in shown  # none; not of the ten
     front.dvc("plots", "diff")
     page = front.text("dvc_plots/index.html")
     assert "vegaEmbed('" in page
     assert "<script src" not in page  # nothing to load from anywhere
     assert front.git("status", "--porcelain", "dvc_plots") == ""
-    charts, drawn = page.count("vegaEmbed('"), drawn_offline(front.root / "dvc_plots/index.html")
-    assert drawn in (None, charts)
-
-
-def drawn_offline(page: Path) -> int | None:
-    """How many charts a browser without network draws; None where there is no browser."""
-    browser = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
-    if browser is None:
-        return None
-    options = ("--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=9000")
-    no_network = "--host-resolver-rules=MAP * ~NOTFOUND"
-    profile = f"--user-data-dir={page.parent}/browser"
-    command = [browser, *options, no_network, profile, "--dump-dom", page.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    return done.stdout.count('class="marks"')
+    with chromium() as browser:
+        seen = visit(browser, front.root / "dvc_plots/index.html")
+        expect(seen.page.locator('[class="marks"]')).to_have_count(page.count("vegaEmbed('"))
+        assert not [one for one in seen.bad if one.startswith("asks for")]
 
 
 # --- stopping
@@ -529,78 +506,86 @@ STOPS = {"clip": blow_kill_dvc, "extract": blow_ctrl_c, "features": blow_kill_st
 
 
 def test_a_run_stopped_again_and_again_goes_on_to_the_same_end(front: Copy):
-    """And paints a picture again as another process has painted it."""
     wanted = lock(front)  # the digest of every artifact of a run without a stop
     for word in STOPS:
         shutil.rmtree(front.root / "data" / word)
         shutil.rmtree(front.root / "reports" / word)
     shutil.rmtree(front.root / ".dvc/cache/runs")  # or DVC would fetch what it has made before
-    again = {*STOPS, "plots-film"}
-    stages = {word: stage for word, stage in wanted["stages"].items() if word not in again}
+    stages = {word: stage for word, stage in wanted["stages"].items() if word not in STOPS}
     (front.root / "dvc.lock").write_text(yaml.safe_dump(wanted | {"stages": stages}))
     for word, blow in STOPS.items():
         stop(front, word, blow)
-    text = front.dvc("repro", "plots-film")
-    assert "Running stage 'features'" in text and "Running stage 'plots-film'" in text
+    assert "Running stage 'features'" in front.dvc("repro")
     assert lock(front) == wanted
-    wanted_numbers = front.git("status", "--porcelain", "data", "reports/*.json", "reports/*.csv")
-    assert wanted_numbers == ""
-    # What has run once, DVC's run cache brings, although dvc.lock does not know it.
-    (front.root / "dvc.lock").write_text(yaml.safe_dump(wanted | {"stages": stages}))
-    text = front.dvc("repro", "plots-film")
-    assert "Running stage" not in text and lock(front) == wanted
+    assert front.git("status", "--porcelain", "data", "reports/*.json", "reports/*.csv") == ""
+
+
+def test_another_process_paints_the_same_pictures(first_run: Copy):
+    painted = content(first_run.root / "reports/film")
+    first_run.run("python", "-m", "stages.plots.film")
+    assert painted and content(first_run.root / "reports/film") == painted
 
 
 # --- sharing
 
 
-def test_a_colleague_gets_results_and_experiments_and_runs_nothing(front: Copy, tmp_path: Path):
+def test_a_colleague_gets_results_and_experiments_and_runs_nothing(
+    front: Copy, shorter: str, tmp_path: Path
+):
     """By two remotes: a bare repository of Git, and a folder of DVC."""
     git_remote, clone = str(tmp_path / "git"), tmp_path / "clone"
     front.git("init", "--quiet", "--bare", git_remote)
-    front.dvc("remote", "add", "--default", "lab", str(tmp_path / "dvc"))
-    front.git("commit", "--quiet", "--all", "--message", "the lab's remote")
-    front.dvc("push", "--run-cache")
+    front.dvc("push", "--run-cache", "--remote", "lab")
     front.git("push", "--quiet", git_remote, "HEAD:refs/heads/main")
-    changes = overrides("features.turn_end_threshold=0.8")
-    front.dvc("exp", "run", "--name", "shared", *changes, "features")
-    front.dvc("exp", "push", git_remote, "shared")
+    front.dvc("exp", "push", "--remote", "lab", git_remote, shorter)
     front.git("clone", "--quiet", "--branch", "main", git_remote, str(clone))
     site = {"DVC_SITE_CACHE_DIR": str(tmp_path / "site")}
     colleague = Copy(clone, front.env | site, front.kept)
     colleague.git("config", "user.name", "colleague")
     colleague.git("config", "user.email", "colleague@example.org")
-    colleague.dvc("pull", "--run-cache")
+    colleague.dvc("pull", "--run-cache", "--remote", "lab")
     assert "Running stage" not in colleague.dvc("repro")
-    colleague.dvc("exp", "pull", "--no-cache", "origin", "shared")
-    assert "Checkout failed" in colleague.dvc("exp", "apply", "shared", fails=True)
-    colleague.git("reset", "--quiet", "--hard")
-    colleague.dvc("exp", "pull", "origin", "shared")
-    colleague.dvc("exp", "apply", "shared")
+    colleague.dvc("exp", "pull", "--remote", "lab", "origin", shorter)
+    colleague.dvc("exp", "apply", shorter)
     assert "up to date" in colleague.dvc("status", "features")
-    assert "turn_end_threshold: 0.8" in colleague.text("params.yaml")
+    assert "turn_end_threshold: 1" in colleague.text("params.yaml")
 
 
 # --- sweeps and pull requests
 
 
+def experiments_of_head(repo: Copy) -> str:
+    """Where Git keeps the experiments of the present commit."""
+    head = repo.git("rev-parse", "HEAD").strip()
+    return f"refs/exps/{head[:2]}/{head[2:]}"
+
+
 def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
+    """As in a new clone, where nobody has the results that the lock names.
+
+    Two experiments are there: one with the present settings, one with other settings than its own.
+    """
     add_sweep(front)
     front.git("add", "--all")
     front.git("commit", "--quiet", "--message", "a sweep of my own")
+    (parameters,) = re.findall(r"path: data/params\n.*\n +md5: (\w+)\.dir", front.text("dvc.lock"))
+    strange = front.text("dvc.lock").replace(parameters, "0" * 32)
+    (front.root / "dvc.lock").write_text(strange)
+    folder = experiments_of_head(front)
+    for name in ("quick-0.4", "quick-0.5"):
+        front.git("update-ref", f"{folder}/{name}", "HEAD")
     before = front.git("status", "--porcelain"), front.text("dvc.lock"), front.text("params.yaml")
     text = front.run("python", "-m", "stages.sweep", "quick", fails=True)
     assert "quick-7.0 failed" in text and "features.turn_end_threshold: should be" in text
     assert text.index("quick-7.0 failed") < text.index("runs: ")  # at once, not at the end
+    assert "runs: 1 of 1" in text and "quick-0.4: made again" in text
+    assert "quick-0.5" not in text.partition("made again")[0]  # it is there already
     assert "reports/compare.html compares them" in text
-    assert before == (
-        front.git("status", "--porcelain"),
-        front.text("dvc.lock"),
-        front.text("params.yaml"),
-    )
+    after = front.git("status", "--porcelain"), front.text("dvc.lock"), front.text("params.yaml")
+    assert before == after
     listed = front.git("for-each-ref", "--format=%(refname:lstrip=-1)", "refs/exps").split()
     assert {"quick-0.4", "quick-0.5"} <= set(listed) and "quick-7.0" not in listed
-    ref = front.git("for-each-ref", "--format=%(refname)", "refs/exps/**/quick-0.4").strip()
+    ref = f"{folder}/quick-0.4"
     changed = set(front.git("diff", "--name-only", "HEAD", ref, "--", "*metrics.json").split())
     assert changed <= {"reports/features/metrics.json"}
     values = [yaml.safe_load(front.git("show", f"{one}:params.yaml")) for one in ("HEAD", ref)]
@@ -610,15 +595,6 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     page = front.text("reports/compare.html")
     assert all(name in page for name in ("quick-0.4", "quick-0.5", "straight pct"))
     assert not list((front.root / ".dvc/tmp").glob("sweep-*"))
-    # A lock of results that nobody has here, as in a new clone, and all stages from the run cache.
-    (parameters,) = re.findall(r"path: data/params\n.*\n +md5: (\w+)\.dir", front.text("dvc.lock"))
-    strange = front.text("dvc.lock").replace(parameters, "0" * 32)
-    (front.root / "dvc.lock").write_text(strange)
-    front.git("update-ref", ref, "HEAD")  # an experiment of that name with other settings
-    again = front.run("python", "-m", "stages.sweep", "quick", fails=True)
-    assert "runs: 1 of 1" in again and "quick-7.0 failed" in again  # the other is there already
-    assert "quick-0.4: made again" in again and "quick-0.5" not in again.partition("made again")[0]
-    assert "quick-0.4 failed" not in again and front.text("dvc.lock") == strange
 
 
 def test_an_animation_is_drawn_from_the_cache(first_run: Copy, monkeypatch: pytest.MonkeyPatch):
@@ -635,11 +611,10 @@ def test_a_film_that_is_added_or_missing_touches_no_other_film_of_a_study(front:
     carp = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in TINY_CARP)}
     films = {"one": carp, "two": carp | {"features.turn_end_threshold": 0.4}, "gone": "gone.mp4"}
     (front.root.parent / "study.yaml").write_text(yaml.safe_dump({"films": films}, sort_keys=False))
-    head = front.git("rev-parse", "HEAD").strip()
-    folder = f"refs/exps/{head[:2]}/{head[2:]}"
+    head, folder = front.git("rev-parse", "HEAD").strip(), experiments_of_head(front)
     for name in ("one", "removed"):  # what has been run of this film is the commit itself
         front.git("update-ref", f"{folder}/study-{name}", head)
-    front.dvc("remote", "add", "lab", "../lab")  # on which no result depends
+    front.dvc("remote", "add", "other", "../other")  # on which no result depends
     before = front.git("status", "--porcelain"), front.text("params.yaml")
     text = front.run("env", "FILMS=../study.yaml", "python", "-m", "stages.study", fails=True)
     assert "nothing at" in text and "gone.mp4" in text and "runs: 1 of 1" in text
@@ -663,6 +638,5 @@ def test_a_pull_request_shows_what_the_numbers_were_and_are(front: Copy, tmp_pat
     front.run("env", *given, "sh", "-e", "-c", step["run"])
     said = (tmp_path / "summary.md").read_text()
     assert "| reports/features/metrics.json | straight_pct |" in said and "12345" in said
-    assert (
-        "## params: base against this pull request" in said and "\n|" in said.partition("params")[2]
-    )
+    assert "## params: base against this pull request" in said
+    assert "\n|" in said.partition("params")[2]
