@@ -50,10 +50,8 @@ def a_morph(frames=FRAMES, width=120, height=80):
         folds={name: np.zeros(frames, np.int64) for name in layers},
         continuous=dict.fromkeys(layers, True),
         styles={"ring": "fill:#ff0000;stroke:none", NASTY: "fill:none;stroke:blue;stroke-width:4"},
-        width=width,
-        height=height,
-        decimals=3,
-    )
+        width=width, height=height, decimals=3,
+    )  # fmt: skip
 
 
 def expected_picture(morph, frame, scale=1.0):

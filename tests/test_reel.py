@@ -32,16 +32,10 @@ def smear(number):
 
 def reel():
     """Two tracks, of which one lacks a frame; three sprites."""
-    features = pd.DataFrame(
-        {
-            "track_id": [3, 3, 3, 8, 8],
-            "frame": [5, 6, 8, 0, 1],
-            "x_px": 20.5,
-            "y_px": 30.5,
-            "heading_deg": [0.0, 30.0, 60.0, -90.0, 170.0],
-            "body_length_px": [8.0, 8.0, 8.0, 12.0, 12.0],
-        }
-    )
+    features = pd.DataFrame({
+        "track_id": [3, 3, 3, 8, 8], "frame": [5, 6, 8, 0, 1], "x_px": 20.5, "y_px": 30.5,
+        "heading_deg": [0.0, 30.0, 60.0, -90.0, 170.0], "body_length_px": [8.0, 8.0, 8.0, 12.0, 12.0],
+    })  # fmt: skip
     film = Held(
         Cutout(one.track_id, one.frame, 15, 25, smear(one.Index)) for one in features.itertuples()
     )

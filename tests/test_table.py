@@ -30,14 +30,9 @@ SCHEMA = Schema(
 
 def table(**changes) -> pd.DataFrame:
     columns = {
-        "frame": [0, 1],
-        "x_px": [0.1, 2.0],
-        "speed": [1.5, np.nan],
-        "type": pd.array([1, None], "Int8"),
-        "name": ["a", "b"],
-        "seen": [True, False],
-        "line_px": list(np.arange(6, dtype=np.float32).reshape(2, 3)),
-    }
+        "frame": [0, 1], "x_px": [0.1, 2.0], "speed": [1.5, np.nan], "type": pd.array([1, None], "Int8"),
+        "name": ["a", "b"], "seen": [True, False], "line_px": list(np.arange(6, dtype="f4").reshape(2, 3)),
+    }  # fmt: skip
     return pd.DataFrame(columns | changes)
 
 
