@@ -7,6 +7,7 @@ basis. Round trips, off-diagonal energies and the errors of all methods are prin
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -86,44 +87,36 @@ def change_basis(stiffness: csr_array, basis: csr_array) -> csr_array:
     return basis @ stiffness @ basis.T
 
 
-def main() -> None:
-    """Time transforms, integrators and products; print and write the tables."""
-    rows = [compare_transforms()]
+def compare_exact_solutions() -> tuple[str, float, float, float]:
+    """Return the row of the table on exact solutions; print how far apart they are."""
     problem = Problem(*bend_hoop(POINTS), MATERIAL, TIMES)
-    ours = solve_motion(problem)
-    mine, theirs, ratio, _ = time_pairs(
+    ours_s, theirs_s, ratio, motion = time_pairs(
         lambda: solve_motion(problem), lambda: integrate_with_scipy(problem)
     )
-    difference = np.abs(ours.displacement - integrate_with_scipy(problem)).max()
-    rows.append((f"exact solution, {POINTS} points / solve_ivp at {TIGHT:g}", mine, theirs, ratio))
+    difference = np.abs(motion.displacement - integrate_with_scipy(problem)).max()
     print(
         f"exact solution against solve_ivp: {difference:.1e} apart, {1 / ratio:.0f} times as fast"
     )
+    return f"exact solution, {POINTS} points / solve_ivp at {TIGHT:g}", ours_s, theirs_s, ratio
+
+
+def time_stiffness_matrices() -> Iterator[tuple[str, float, float, float]]:
+    """Yield the rows of the table on the stiffness matrix K in wavelet bases."""
     for levels in (1, 4, 8):
-        seconds = min(
-            time_call(partial(stiffness_matrix, "coif2", LARGE, levels))[0] for _ in range(5)
-        )
+        work = partial(stiffness_matrix, "coif2", LARGE, levels)
+        seconds = min(time_call(work)[0] for _ in range(5))
         what = f"K, {LARGE} × {LARGE}, {levels} levels / the limit"
-        rows.append((what, seconds, LIMIT_S, seconds / LIMIT_S))
+        yield what, seconds, LIMIT_S, seconds / LIMIT_S
     basis = csr_array(wavelet_transform(np.eye(POINTS), "coif2", 4))
     k = stiffness_matrix("coif2", POINTS, 0)
     timing = time_pairs(
         lambda: stiffness_matrix("coif2", POINTS, 4), lambda: change_basis(k, basis)
     )
-    rows.append((f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *timing[:3]))
-    table = pd.DataFrame(rows, columns=["what", "ours_s", "theirs_s", "ratio"])
-    numbers = ["ours_s", "theirs_s", "ratio"]
-    table[numbers] = table[numbers].map(lambda number: float(f"{number:.4g}"))
-    write_table(__file__, table)
-    shares = pd.DataFrame({
-        name: [100 * off_diagonal_share(stiffness_matrix(name, POINTS, m)) for m in range(7)]
-        for name in WAVELETS
-    })  # fmt: skip
-    print("off-diagonal energy of K [%] per level:")
-    print(shares.round(1).to_string(index_names=False))
-    problems = {
-        material: Problem(*bend_hoop(256), material, TIMES) for material in (MATERIAL, MASSLESS)
-    }
+    yield (f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *timing[:3])
+
+
+def print_method_errors() -> None:
+    """Print error and time of the methods of `solve_motion`."""
     for method, material, options in (
         ("modal", MATERIAL, SolverOptions()),
         ("runge-kutta", MATERIAL, SolverOptions()),
@@ -136,13 +129,30 @@ def main() -> None:
         ("explicit-euler", MASSLESS, SolverOptions(inverse="schulz")),
         ("decoupled", MASSLESS, SolverOptions()),
     ):
-        seconds, motion = time_call(partial(solve_motion, problems[material], method, options))
+        problem = Problem(*bend_hoop(256), material, TIMES)
+        seconds, motion = time_call(partial(solve_motion, problem, method, options))
         detail = options.integrator if method == "runge-kutta" else ""
         detail = options.inverse if method.endswith("euler") else detail
         print(
             f"{method} {detail}, density {material.density:g}: error {motion.error:.1e}, "
             f"{1e3 * seconds:.1f} ms"
         )
+
+
+def main() -> None:
+    """Time transforms, integrators and products; print and write the tables."""
+    rows = [compare_transforms(), compare_exact_solutions(), *time_stiffness_matrices()]
+    numbers = ["ours_s", "theirs_s", "ratio"]
+    table = pd.DataFrame(rows, columns=["what", *numbers])
+    table[numbers] = table[numbers].map(lambda number: float(f"{number:.4g}"))
+    write_table(__file__, table)
+    shares = pd.DataFrame({
+        name: [100 * off_diagonal_share(stiffness_matrix(name, POINTS, m)) for m in range(7)]
+        for name in WAVELETS
+    })  # fmt: skip
+    print("off-diagonal energy of K [%] per level:")
+    print(shares.round(1).to_string(index_names=False))
+    print_method_errors()
 
 
 if __name__ == "__main__":

@@ -139,15 +139,11 @@ def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -
                     break
 
 
-def finish_session(session: Live) -> None:
-    """End a session after its trials."""
+def finish_session(session: Live) -> SessionRecord:
+    """End a session after its trials; return its file, opened."""
     session.page.close()
     session.program.send_signal(2)
     session.program.wait(60)
-
-
-def open_record(session: Live) -> SessionRecord:
-    """Open the file of a finished session."""
     return open_session_record(next(session.folder.glob("*.parquet")))
 
 
@@ -185,8 +181,7 @@ def measure_closed_loop(fish: int, seconds: float) -> Iterator[Row]:
     }  # fmt: skip
     with run_session(protocol) as live:
         run_through(live, Swimmer(live, tank_size()), 1 / RATE_HZ)
-        finish_session(live)
-        yield from frame_timing(what, open_record(live))
+        yield from frame_timing(what, finish_session(live))
 
 
 def frame_timing(session_name: str, record: SessionRecord) -> Iterator[Row]:
@@ -223,8 +218,7 @@ def measure_long_show(fish: int, minutes: float) -> Iterator[Row]:
         run_through(live, lambda now: memory.append(live.program.memory_info().rss / 2**20), 1.0)
         took = time.perf_counter() - begin
         heap = live.page.evaluate("performance.memory ? performance.memory.usedJSHeapSize : 0")
-        finish_session(live)
-        record = open_record(live)
+        record = finish_session(live)
         yield what, "took", "s", took
         yield from frame_timing(what, record)
         quarter = len(memory) // 4
@@ -259,8 +253,7 @@ def measure_poor_input() -> Iterator[Row]:
         protocol = {"name": name, "seed": 1, "conditions": {name: condition}}
         with run_session(protocol | {"animals": {"unit": "px"}}, *options) as live:
             run_through(live, lambda now: None, 1.0)
-            finish_session(live)
-            steps[name] = displayed_speeds(open_record(live))
+            steps[name] = displayed_speeds(finish_session(live))
     for name, values in steps.items():
         what = f"one fish, {name}, 20 % lost, 50 ms jitter, gaps of 2 s"
         for share in (50, 99.9, 100):
@@ -309,10 +302,10 @@ def send_hostile_messages() -> Iterator[Row]:
         with connect_page(live, "experimenter") as page:
             refused = json.loads(page.recv())["heard"].get("malformed", 0)
             page.send('{"do":"abort"}')
-        finish_session(live)
+        record = finish_session(live)
         yield what, "memory that they took", "MiB", growth
         yield what, "positions refused", "1", refused
-        yield from frame_timing(what, open_record(live))
+        yield from frame_timing(what, record)
 
 
 def run_random_session(

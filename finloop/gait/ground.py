@@ -137,8 +137,8 @@ def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
 def _fit_ground(paths: Paths) -> Ground:
     """Return the ground speed that fits all foot paths best, and how far each foot slides.
 
-    The speed is the common slope of straight lines through the paths (least squares); 0 without
-    paths, in drawing units a frame. A slide is measured from peak to peak, in drawing units.
+    The speed, in drawing units a frame, is the common slope of straight lines through the paths
+    (least squares); 0 without paths. A slide is measured from peak to peak, in drawing units.
     """
     time_squares, products = [], []
     for paths_of_foot in paths.values():

@@ -96,7 +96,7 @@ def limb_contours(
     frames: contours by id for each frame, None where missing; the id "body" gives the place of the
     body, without it the mean of the limbs does. smooth_frames: frames of a cycle, over which the
     body's track is smoothed, None = the body moves straight. first: number of the first frame, for
-    messages. FinloopError if there is no limb, or less than half of the frames show a limb.
+    messages. FinloopError if there is no limb, or if one is missing in most frames.
     """
     names = list(dict.fromkeys(name for frame in frames for name in frame))
     limb_names = [name for name in names if name != BODY]

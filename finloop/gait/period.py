@@ -106,9 +106,9 @@ def _signed_main_mode(modes: Floats, complete: Floats) -> Floats:
 def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
     """Return the `Period` of a motion (frames, k) whose phase is known, with the confidence in it.
 
-    phase (frames,): in cycles. good (frames,): where the motion may be steady; it is in runs of
-    good frames of at least one cycle. If these are less than _LEAST_CYCLES in all there is no
-    period: `cycles` is 0, and `why` says so.
+    phase (frames,): in cycles. good (frames,): where the motion may be steady; only runs of good
+    frames that last a cycle or more are. If these hold less than _LEAST_CYCLES in all there is no
+    period: `cycles` is 0, and `why` says so. If the confidence is low, `why` says that.
     """
     steady = _find_steady_runs(good, phase)
     inner = steady[1:] & steady[:-1]  # steps from one steady frame to the next

@@ -217,9 +217,9 @@ def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
 
     width, height: of the picture, in the unit of its coordinates.
     """
-    scale = min(width / drawing.width, height / drawing.height)
-    if scale == 1 and (drawing.width, drawing.height) == (width, height):
+    if (drawing.width, drawing.height) == (width, height):
         return drawing
+    scale = min(width / drawing.width, height / drawing.height)
     shift = (np.array([width, height]) - scale * np.array([drawing.width, drawing.height])) / 2
     curves = {
         name: Curve(curve.points * scale + shift, curve.closed)
