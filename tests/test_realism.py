@@ -69,10 +69,15 @@ def scores(rng, n=300, shift=0.0, blocks=5, clusters=60):
     return Scores(score, animation, rng.integers(0, blocks, n), rng.integers(0, clusters, n))
 
 
-def test_one_block_has_the_area_of_scikit_learn():
-    one = scores(np.random.default_rng(0), shift=0.7)._replace(block=np.zeros(300, int))
+def test_the_area_is_that_of_scikit_learn_of_blocks_weighted_by_their_pairs():
+    one = scores(np.random.default_rng(0), shift=0.7)
     one.score[::3] = np.round(one.score[::3])  # ties
-    assert compute_auc(one).value == pytest.approx(roc_auc_score(one.animation, one.score))
+    for block in (np.zeros(300, int), np.repeat([0, 1], [60, 240])):
+        parts = [block == number for number in np.unique(block)]
+        areas = [roc_auc_score(one.animation[part], one.score[part]) for part in parts]
+        pairs = [one.animation[part].sum() * (~one.animation[part]).sum() for part in parts]
+        found = compute_auc(one._replace(block=block)).value
+        assert found == pytest.approx(np.average(areas, weights=pairs))
 
 
 def test_labels_swapped_give_the_rest_to_one():
