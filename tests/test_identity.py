@@ -74,7 +74,7 @@ def test_a_track_is_joined_to_one_that_begins_where_it_leads():
     pairs = successor_pairs(ends.start, ends.stop, np.zeros(4, int))
     score = motion.motion_log_ratios(ends, motion.measure_drift(table_of(*ways, *ways)), pairs)
     joins = find_best_joins(4, pairs, score, 0.05, 0.5, np.random.default_rng(0))
-    assert joins.before.tolist() == [-1, -1, 1, 0]
+    assert joins.predecessor.tolist() == [-1, -1, 1, 0]
 
 
 # --- joins
@@ -112,7 +112,7 @@ def test_the_best_set_of_few_pairs_is_that_of_the_whole_matrix(rng):
         same = a // part == b // part
         pairs = TrackPairs(a[same], b[same])
         score, stranger = rng.normal(0, 3, same.sum()), 0.2
-        before = find_best_joins(20, pairs, score, stranger, 0.0, rng).before
+        before = find_best_joins(20, pairs, score, stranger, 0.0, rng).predecessor
         whole = np.full((20, 40), -1e6)
         whole[pairs] = score - 2 * np.log(stranger)
         whole[np.arange(20), 20 + np.arange(20)] = 0
@@ -125,9 +125,9 @@ def test_the_best_set_of_few_pairs_is_that_of_the_whole_matrix(rng):
 def test_equal_scores_are_equally_probable(rng):
     pairs, score = TrackPairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3])), np.full(4, 6.0)
     found = find_best_joins(4, pairs, score, 1e-6, 0.3, rng)
-    assert sorted(found.before[2:]) == [0, 1]
+    assert sorted(found.predecessor[2:]) == [0, 1]
     assert found.probability[2:] == pytest.approx(0.5, abs=0.15)
-    assert (find_best_joins(4, pairs, score, 1e-6, 0.75, rng).before == -1).all()
+    assert (find_best_joins(4, pairs, score, 1e-6, 0.75, rng).predecessor == -1).all()
 
 
 def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
@@ -149,8 +149,8 @@ def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
     pairs = TrackPairs(*np.nonzero(np.isfinite(score)))
     found = find_best_joins(6, pairs, score[pairs], stranger, 0.01, rng)
     for b in starts:
-        if found.before[b] >= 0:
-            truth = weight[found.before[b], b] / total
+        if found.predecessor[b] >= 0:
+            truth = weight[found.predecessor[b], b] / total
             assert found.probability[b] == pytest.approx(truth, abs=0.15)
 
 
@@ -168,8 +168,8 @@ def test_tracks_that_are_joined_tell_more_together(rng):
     def best_names(count, pairs, log_ratio):
         return find_best_joins(count, pairs, log_ratio, 0.01, 0.5, rng)
 
-    assert best_names(3, *scores([[0], [1], [2]])).before.tolist() == [-1, 0, -1]
-    assert join_in_passes(3, scores, 0.9, best_names).before.tolist() == [-1, 0, 1]
+    assert best_names(3, *scores([[0], [1], [2]])).predecessor.tolist() == [-1, 0, -1]
+    assert join_in_passes(3, scores, 0.9, best_names).predecessor.tolist() == [-1, 0, 1]
 
 
 def test_where_no_join_is_sure_passes_are_one():

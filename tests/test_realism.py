@@ -37,9 +37,9 @@ from finloop.realism.instrument import Instrument, Swimming, Work, join_measurem
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
     CHANNELS,
-    cut_in_frames,
     equal_blocks,
     track_channels,
+    window_cut_from_deltas,
 )  # fmt: skip
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
@@ -182,7 +182,7 @@ def test_channels_do_not_depend_on_place_direction_or_size():
 
 
 def test_a_window_is_cut_of_one_track_and_a_whole_number_of_steps():
-    cut = cut_in_frames(5.0, 1.25, 0.6, DELTA)
+    cut = window_cut_from_deltas(5.0, 1.25, 0.6, DELTA)
     assert cut == (24, 6, 3)
     tracks = fish(0, 1.5), fish(1, 0.9, track=1), fish(2, 1.0, track=2)
     sample = sample_of(pd.concat(tracks, ignore_index=True))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 def spread_rows(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
     """Choose at most `most` of the given row numbers (n,), evenly spaced and in their order."""
-    return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
+    return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]
 
 
 def sample_stretches(

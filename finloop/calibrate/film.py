@@ -8,6 +8,7 @@ import pandas as pd
 
 from finloop.base.arrays import Complex, Ints, Mask
 from finloop.base.errors import FinloopError
+from finloop.base.stretches import spread_rows
 from finloop.features.memory import measure_memory_frames
 from finloop.social.measures import FrameSlots, frame_slots, measure_group, middle_frame
 from finloop.social.neighbours import Neighbours, complex_vectors, neighbours_among
@@ -55,32 +56,32 @@ class FilmGroup:
         return self.frame < middle_frame(self.frame)
 
     def half_measures(self, first: bool) -> pd.DataFrame:
-        """Return the measures (columns of `SHOAL`) of the film's first half, or of its second."""
+        """Return one half's measures, columns of `SHOAL`; first: whether of the first half."""
         return self.table[self.first_half == first]
 
     def rows_for_fit(self, first: bool, most: int) -> Ints:
-        """Return the rows of one half of the film to which the zones are fitted, at most `most`.
+        """Return at most `most` rows of one half of the film, evenly spread, to fit the zones to.
 
-        first: whether of the first half. Each row has other fish in its frame and a later row in
-        the same half. They are evenly spread.
+        first: whether of the first half. Each row has other fish in its frame, and the same fish is
+        seen `horizon_frames` later in the same half.
         """
         in_half = self.first_half == first
         # slots.row: the line of a fish's frame in arrays that have a line per frame
         has_others = self.visible_counts[self.slots.row] > 1
         has_later = (self.later >= 0) & in_half[self.later]
-        return _thin_rows(np.flatnonzero(in_half & has_others & has_later), most)
+        return spread_rows(np.flatnonzero(in_half & has_others & has_later), most)
 
     def rows_with_whole_steps(self, most: int) -> Ints:
-        """Return rows, at most `most`, whose fish is also seen `horizon_frames` before and after.
+        """Return at most `most` rows whose fish is also seen `horizon_frames` before and after.
 
         They are evenly spread over the first half, or over the whole film if that has none.
         """
         whole = (self.later >= 0) & (self.earlier >= 0)
         first = np.flatnonzero(whole & self.first_half & self.first_half[self.later])
-        return _thin_rows(first if len(first) else np.flatnonzero(whole), most)
+        return spread_rows(first if len(first) else np.flatnonzero(whole), most)
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
-        """Return distances, bearings and headings (k, m) of the fish around k fish (rows)."""
+        """Return what the fish in k rows see of others: distances, bearings, headings (k, m)."""
         frames = self.slots.row[rows]  # lines of `places`, of all fish in a frame
         places = self.places[frames]
         places[np.arange(len(rows)), self.slots.fish[rows]] = np.nan  # no fish is its own neighbour
@@ -89,9 +90,9 @@ class FilmGroup:
         )
 
     def relative_headings(self, rows: Ints) -> Complex:
-        """Return how k fish (rows) turn in `horizon_frames`: complex unit vectors (k,).
+        """Return how the fish in k rows turn in `horizon_frames`: complex unit vectors (k,).
 
-        1 = not turned, i = turned left by 90°.
+        1 = not turned, i = turned left by 90°. Every row must have a `later` one.
         """
         return self.heading[self.later[rows]] * self.heading[rows].conj()
 
@@ -137,13 +138,13 @@ def build_film_group(
 def measure_horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
     """Return after how many frames fish have half forgotten their headings.
 
-    The result is at most a quarter of the longest track, but at least `delta` (Δ, in frames) if
-    that is at most half of it. heading (n,): complex; track (n,): each row's track.
+    The result is at most a quarter of the longest track, but at least `delta` (Δ, in frames), and
+    in any case at most half of that track. heading (n,): complex; track (n,): each row's track.
     """
     memory = measure_memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
     longest = _longest_track_rows(track)
-    ticks = max(delta, round(min(memory, longest / _PART)))
-    return max(1, min(ticks, (longest - 1) // 2))
+    wanted = max(delta, round(min(memory, longest / _PART)))
+    return max(1, min(wanted, (longest - 1) // 2))
 
 
 def _longest_track_rows(track: Ints) -> int:
@@ -151,18 +152,14 @@ def _longest_track_rows(track: Ints) -> int:
     return int(np.unique(track, return_counts=True)[1].max())
 
 
-def _link_rows(frame: Ints, track: Ints, ticks: int) -> tuple[Ints, Ints]:
-    """Return the rows (n,) of the same track `ticks` frames later, and earlier; −1 for none.
+def _link_rows(frame: Ints, track: Ints, gap: int) -> tuple[Ints, Ints]:
+    """Return the rows (n,) of the same track `gap` frames later, and earlier; −1 for none.
 
-    frame, track (n,): frame and track number of each row, sorted by track and frame.
+    It is also −1 where a frame in between is missing. frame, track (n,): frame and track number of
+    each row, sorted by track and frame.
     """
     later, earlier = np.full((2, len(frame)), -1)
-    same = (track[ticks:] == track[:-ticks]) & (frame[ticks:] == frame[:-ticks] + ticks)
-    first = np.flatnonzero(same)
-    later[first], earlier[first + ticks] = first + ticks, first
+    is_linked = (track[gap:] == track[:-gap]) & (frame[gap:] == frame[:-gap] + gap)
+    first = np.flatnonzero(is_linked)
+    later[first], earlier[first + gap] = first + gap, first
     return later, earlier
-
-
-def _thin_rows(rows: Ints, most: int) -> Ints:
-    """Return at most `most` of the given row numbers, evenly spread over them."""
-    return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]

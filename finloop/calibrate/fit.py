@@ -74,7 +74,8 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
     with_zones, _ = fit_directions(best.pulls, wall, after, fixed)
     direction_weight = max(float(with_zones[0]), _LEAST_DIRECTION)
     zones = _weighted_zones(best.radii, best.blind_deg, with_zones[1:4] / direction_weight, fixed)
-    without, _ = fit_directions(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
+    no_pulls = np.zeros((len(rows), 3), complex)  # for comparison: fish that ignore each other
+    without, _ = fit_directions(no_pulls, wall, after, [None] * 3)
     explained, explained_held_out = (
         _explained_share(film, half, zones, with_zones, without) for half in (rows, held_out)
     )
@@ -86,8 +87,8 @@ def _choose_zones(
 ) -> _ZoneChoice:
     """Return the radii and the blind angle that best predict later headings on held-out rows.
 
-    rows: of the film, of which each half in time is predicted from the other; fixed: weights of the
-    zones, None for one that is fitted.
+    rows: of the film; each half of them in time is predicted from the other half; fixed: weights of
+    the zones, None for one that is fitted.
     """
     seen, wall = film.visible_neighbours(rows), _wall_pull(film, rows)
     after = film.relative_headings(rows)
@@ -103,7 +104,7 @@ def _choose_zones(
         for radii in choices:
             pulls = sums.zone_pulls(radii)
             error = cross_validate(pulls, wall, after, fixed, is_first_part)
-            # Not by rounding alone: of equally good zones the smaller ones are taken.
+            # Of zones that are equally good but for rounding, the first, smaller ones are taken.
             if best is None or error < best.error * (1 - _EQUAL):
                 best = _ZoneChoice(error, radii, angle, pulls)
     assert best is not None
@@ -131,15 +132,15 @@ def _explained_share(
 
 
 def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
-    """Return vectors (k,) away from the wall, longer if nearer, relative to k fish (rows)."""
+    """Return vectors (k,) away from the wall, longer if nearer, relative to the fish in k rows."""
     return film.walls.vectors_from_wall(film.place[rows], film.heading[rows])
 
 
 class _SumsWithin(NamedTuple):
-    """Sums (n, k) of the neighbours' vectors within each of k radii of n fish, and their counts."""
+    """For n fish and k radii: the sum of the neighbours' vectors within each, and their count."""
 
-    vectors: Complex
-    counts: Ints
+    vectors: Complex  # (n, k)
+    counts: Ints  # (n, k)
 
     def ring_mean(self, outer: int, inner: int | None = None) -> Complex:
         """Return the mean vector (n,) of the neighbours between two radii; 0 where there is none.
@@ -219,30 +220,30 @@ def _sum_rows(columns: Complex, after: Complex) -> _RegressionSums:
 def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) -> Floats:
     """Return the coefficients (5,) of a regression on own direction, three zones and wall.
 
-    Those of the zones are 0 or more: the most negative one is left out, and the rest solved again.
-    weights (3,): None for a zone that is fitted. A zone with a fixed weight has coefficient 0,
-    because its pull is already part of the first column.
+    Those of the zones are 0 or more: while one is negative, the most negative one is left out (0),
+    and the rest solved again. weights (3,): None for a zone that is fitted. A zone with a fixed
+    weight has coefficient 0, because its pull is already part of the first column.
     """
     fitted = [k for k in _ZONES if weights[k - 1] is None and sums.gram[k, k] > 0]
     solution = np.zeros(5)
     while True:  # each zone is left out at most once
         terms = [0, *fitted, 4]  # 0: own direction, 4: wall
-        values = scipy.linalg.lstsq(sums.gram[np.ix_(terms, terms)], sums.right[terms])[0]
-        worst = int(np.argmin(values[1:-1])) if fitted else 0
-        if not fitted or values[1 + worst] >= 0:
+        solved = scipy.linalg.lstsq(sums.gram[np.ix_(terms, terms)], sums.right[terms])[0]
+        zone_values = solved[1:-1]
+        if not fitted or zone_values.min() >= 0:
             break
-        del fitted[worst]
-    solution[terms] = values
+        del fitted[int(zone_values.argmin())]
+    solution[terms] = solved
     return solution
 
 
 def _regression_columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
     """Return the columns (n, 5) by which later directions are fitted: own direction, zones, wall.
 
-    Directions are complex; 1 is straight on. The pull of a zone of fixed weight is already part of
-    the own direction: its own column is not to be fitted (`_solve_regression` leaves it out). pulls
-    (n, 3): of the zones; wall (n,): away from the wall; weights (3,): fixed weights, None for a
-    zone that is fitted.
+    Directions are complex; 1 is straight on. To the column of the own direction the pulls of zones
+    with a fixed weight are added, so their own columns are not to be fitted (`_solve_regression`
+    leaves them out). pulls (n, 3): of the zones; wall (n,): away from the wall; weights (3,): fixed
+    weights, None for a zone that is fitted.
     """
     own = 1.0 + weigh_zone_pulls(pulls, _replace_none_by_zero(weights))
     return np.column_stack([own, pulls, wall])
@@ -286,9 +287,9 @@ def cross_validate(
 
 
 def _possible_radii(settings: CalibrateSettings) -> list[tuple[float, float, float]]:
-    """Return the triples of zone radii to try, the smallest first; given radii are kept.
+    """Return the triples of ascending zone radii to try, the smallest first; given radii are kept.
 
-    If a given radius leaves no value of the list for another zone, both have the same radius.
+    Given radii are also tried for the other zones, so there is at least one triple.
     """
     numbers = [float(value) for value in settings.zone_radii if value != "auto"]
     all_radii = sorted({*settings.radii, *numbers})
@@ -304,7 +305,7 @@ def _weighted_zones(
     radii: tuple[float, float, float], blind_deg: float, weights: Reals,
     fixed: Sequence[float | None],
 ) -> Zones:  # fmt: skip
-    """Return zones with fitted weights; outermost fitted zones of weight 0 are left out.
+    """Return zones with fitted weights; an outermost fitted zone of weight 0 gets a width of 0.
 
     radii: outer ones, body lengths; blind_deg: angle behind the fish in which it sees nothing;
     weights (3,): fitted ones, used where `fixed` (3,), the given ones, is None.
@@ -322,7 +323,7 @@ def _weighted_zones(
 
 
 def default_zones(settings: CalibrateSettings) -> Zones:
-    """Return the zones for a film with too few fish for a fit: the given ones, else Couzin's."""
+    """Return the zones for a film with too few fish for a fit: given numbers, else Couzin's."""
     weights = settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight
     names = [field.name for field in fields(Zones)]
     given = zip(names, (*settings.zone_radii, settings.blind_angle_deg, *weights), strict=True)

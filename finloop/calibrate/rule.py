@@ -52,15 +52,15 @@ def describe_shortage(film: FilmGroup) -> str:
 def measure_steps_without_others(film: FilmGroup, rows: Ints, zones: Zones) -> SocialSteps:
     """Return the steps of a film's fish in some rows (k,), without the effect of other fish.
 
-    Each row has one of its track `horizon` frames before and after (`rows_with_whole_steps`). A
-    least-squares fit gives how much a pull of 1 moves and turns a fish: as much as its own
-    direction does.
+    rows: from `rows_with_whole_steps`. Least squares give how far a pull of 1 moves a fish, and how
+    much it turns it; the fish's own direction counts as a pull of 1 straight on. The effect of the
+    others' pulls is subtracted from each step.
     """
     pulls, heading = pull_of_others(film.visible_neighbours(rows), zones), film.heading[rows]
     move = (film.place[film.later[rows]] - film.place[rows]) * heading.conj()
     before = (film.place[rows] - film.place[film.earlier[rows]]) * heading.conj()
     turn = film.relative_headings(rows)
-    whole_pulls = 1 + pulls  # 1: the fish's own direction, straight on
+    whole_pulls = 1 + pulls
     move_per_pull = _fit_factor(move, whole_pulls)
     turn_per_pull = _fit_factor(turn, whole_pulls)
     return SocialSteps(

@@ -19,7 +19,15 @@ from finloop.base.schema import Column, Schema, columns
 from finloop.base.thin import thin_frame
 from finloop.clip.doubled import find_repeats, picture_change
 from finloop.clip.light import measure_gain, measure_light, undo_gain
-from finloop.clip.shake import STILL, UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
+from finloop.clip.shake import (
+    STILL,
+    UNKNOWN,
+    Shift,
+    find_landmarks,
+    measure_shift,
+    to_grey,
+    undo_shift,
+)
 
 CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
 EXAMINED = 96  # most frames of a clip that are examined
@@ -109,7 +117,7 @@ class ClipTally:
         self.frames += 1
 
     def _add_sample(self, frame: np.ndarray) -> None:
-        """Copy a frame; of more than `SAMPLES` copies every other one is dropped."""
+        """Copy a frame; beyond `SAMPLES` copies drop every other one, and copy half as often."""
         self.samples[self.frames] = frame.copy()
         if len(self.samples) > SAMPLES:
             self._stride *= 2
@@ -163,9 +171,10 @@ def _empty_tank(tally: ClipTally) -> Picture:
     """
     numbers = list(tally.samples)[:: math.ceil(len(tally.samples) / _TANK_SAMPLES)]
     sample = [tally.samples[number] for number in numbers]
-    # Gains are relative to the first sample, lights to the first frame; NaN: unknown.
+    # Gains are relative to the first sample, lights to the first frame; unknown ones count as 1.
     gains = [np.nan_to_num(measure_gain(frame, sample[0]), nan=1.0) for frame in sample]
     lights = np.nan_to_num(tally.lights, nan=1.0)
+    # The gain of a frame with the median light.
     typical = np.median(gains / lights[numbers, None], axis=0) * np.median(lights)
     sample = [undo_gain(frame, gain / typical) for frame, gain in zip(sample, gains, strict=True)]
     return _median_picture(_undo_shake(sample))
@@ -185,7 +194,7 @@ def _undo_shake(frames: list[Picture]) -> list[Picture]:
 
 
 def _median_picture(frames: Sequence[Picture]) -> Picture:
-    """Return the median of pictures of one size; of an even number the upper middle one.
+    """Return the pixels' medians over equally large pictures; of an even number the upper middle.
 
     A strip of rows is sorted at a time, which saves memory.
     """
@@ -198,11 +207,9 @@ def _median_picture(frames: Sequence[Picture]) -> Picture:
 
 
 def check_film(
-    read_frames: Callable[[Sequence[int]], Iterable[Picture]],
-    rate_hz: float,
-    tally: ClipTally,
+    read_frames: Callable[[Sequence[int]], Iterable[Picture]], rate_hz: float, tally: ClipTally,
     key_frame_distance: int = 1,
-) -> tuple[Quality, pd.DataFrame, Picture]:
+) -> tuple[Quality, pd.DataFrame, Picture]:  # fmt: skip
     """Return the quality of a film, a table of measures per frame, and the empty tank (h, w[, 3]).
 
     read_frames(numbers): yields the grey frames (h, w) uint8 of these numbers, which ascend.
@@ -223,10 +230,10 @@ def _examine_frames(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return measures of shift, fields and noise by frame, and measures of what moves.
 
-    The first table has a row for each frame; fields and noise are measured against the frame
-    before, and are missing where `frames` lacks it. The second table, columns `_MovingPixels`, has
-    rows only for frames that are not missing theirs. frames: pairs (number, grey picture);
-    tank_picture: the empty tank (h, w[, 3]).
+    The first table has a row for each frame; fields and noise are missing where `frames` lacks the
+    frame before, against which they are measured. The second table has the columns
+    `_MovingPixels`, and a row for each frame whose frame before is there. frames: pairs (number,
+    grey picture); tank_picture: the empty tank (h, w[, 3]).
     """
     tank, landmarks, last_shift = to_grey(tank_picture), find_landmarks(tank_picture), STILL
     thinned_tank = tank[::_THIN, ::_THIN]
@@ -253,19 +260,14 @@ def _examine_frames(
     return examined, pd.DataFrame(moving, columns=_MovingPixels._fields)
 
 
-def to_grey(picture: Picture) -> Picture:
-    """Return the grey levels (h, w) uint8 of a picture, which is grey (h, w) or RGB (h, w, 3)."""
-    return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-
-
 def measure_field_order(before: Picture, after: Picture) -> float:
-    """Return a number that says which field of interlaced film is earlier.
+    """Return which field of interlaced film is earlier, as a number.
 
     It is above 0 for the upper field, below 0 for the lower: up to ±0.8, and 0 for whole pictures;
     NaN if too little moved. before, after: two successive grey frames (h, w). In interlaced film
-    two fields, the even and the odd rows, half a frame apart in time, are woven into one picture.
-    From the later field of a frame to the earlier one of the next is one step of time, from the
-    earlier to the later are three: the pair that differs less tells the order.
+    two fields, the even and the odd rows, are woven into one picture, though they were taken half a
+    frame apart. From a frame's later field to the next frame's earlier field it is half a frame,
+    from the earlier to the later it is one and a half: the pair that differs less tells the order.
     """
     pair = [picture[:, ::_FIELD_THIN].astype(np.float32) for picture in (before, after)]
     motion = np.abs(pair[1] - pair[0]) >= _MOTION

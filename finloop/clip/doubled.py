@@ -72,30 +72,39 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
 def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
     """Return two masks (frames,): where enough moves to decide, and which frames there are doubled.
 
-    changes (frames,): how much each frame differs from the one before, grey levels. A change is
-    small if, among those of the frames around it, sorted, it lies below the largest gap (ratio of
-    one to the next). A frame is doubled if its change is small, and a larger one is near on both
-    sides.
+    A frame is doubled if its change is small, and a larger one is among the three before it and
+    among the three after it: a resting animal that darts away has small changes on one side only.
+    An end of the film counts as a larger change.
+    changes (frames,): how much each frame differs from the one before, grey levels.
     """
-    padded = np.pad(np.nan_to_num(changes), _AROUND)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
-    around = np.sort(windows, axis=1)[:, : -_THIRD + 1]  # without the two largest, perhaps flashes
+    known = np.nan_to_num(changes)
+    largest, limit = _limit_small_changes(known)
     # Enough moves: the largest change is above `_LEAST`, and in the upper half of such changes.
-    decidable = around[:, -1] > _LEAST
+    decidable = largest > _LEAST
     if decidable.any():
-        decidable &= around[:, -1] >= np.median(around[decidable, -1])
-    decidable[:1] = False
-    around = np.maximum(around, 0.02 * around[:, -1:] + 1e-9)  # avoids ratios of near zeros
+        decidable &= largest >= np.median(largest[decidable])
+    decidable[:1] = False  # the first frame has none before it
+    padded = np.pad(known, _BESIDE, constant_values=np.inf)
+    beside = np.lib.stride_tricks.sliding_window_view(padded, _BESIDE).max(axis=1)
+    before, after = beside[: len(known)], beside[_BESIDE + 1 :]
+    return decidable, decidable & (known <= limit) & (before > limit) & (after > limit)
+
+
+def _limit_small_changes(changes: Floats) -> tuple[Floats, Floats]:
+    """Return the largest change around each frame, and the largest that is small there, (frames,).
+
+    The changes of the six frames to either side are sorted, without the two largest, which may be
+    flashes. Those below the largest gap, a ratio of one to the next, are small; where no gap is
+    large enough none is, and the limit is −∞.
+    """
+    padded = np.pad(changes, _AROUND)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
+    around = np.sort(windows, axis=1)[:, : 1 - _THIRD]
+    largest = around[:, -1]
+    around = np.maximum(around, 0.02 * largest[:, None] + 1e-9)  # avoids ratios of near zeros
     ratios = around[:, 1:] / around[:, :-1]
-    gap = ratios.argmax(axis=1)
-    largest_small = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
-    small_change = (np.nan_to_num(changes) <= largest_small) & (ratios.max(axis=1) >= _GAP)
-    # A resting animal that darts away has small changes on one side only. sides[k] is the largest
-    # of the changes just before frame k, sides[k + _BESIDE + 1] of those just after it.
-    edge_padded = np.pad(np.nan_to_num(changes), _BESIDE, constant_values=np.inf)
-    sides = np.lib.stride_tricks.sliding_window_view(edge_padded, _BESIDE).max(axis=1)
-    between_new = (sides[: len(changes)] > largest_small) & (sides[_BESIDE + 1 :] > largest_small)
-    return decidable, decidable & small_change & between_new
+    below_gap = np.take_along_axis(around, ratios.argmax(axis=1)[:, None], axis=1)[:, 0]
+    return largest, np.where(ratios.max(axis=1) >= _GAP, below_gap, -np.inf)
 
 
 def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:

@@ -103,10 +103,7 @@ def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
 
 
 def _peak_frequency(flicker: Floats, rate_hz: float) -> float:
-    """Return the frequency [Hz] that has most of the flicker's power; NaN if it is spread out.
-
-    flicker: (frames,); rate_hz: frames per second.
-    """
+    """Return the frequency [Hz] with most power in the flicker (frames,); NaN if it is spread."""
     length = min(len(flicker), _WINDOW)
     starts = range(0, len(flicker) - length + 1, length)
     window, size = np.hanning(length), _FINER * length

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Mask, Picture
-from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, ClipTally, Quality, check_film, to_grey
+from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, ClipTally, Quality, check_film
 from finloop.clip.doubled import RepeatedFrames, find_repeats
 from finloop.clip.light import measure_gain, undo_gain
 from finloop.clip.settings import ClipSettings, FootageSettings
@@ -27,6 +27,7 @@ from finloop.clip.shake import (
     Shift,
     find_landmarks,
     measure_shift,
+    to_grey,
     undo_shift,
 )
 from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
@@ -99,10 +100,9 @@ class _FrameCorrector:
     tank: Picture
     light: bool  # whether to correct the light
     place: bool  # whether to correct the place
-    right_px: float = 0.0  # the largest shift of a frame to that side, so far
-    left_px: float = 0.0
-    down_px: float = 0.0
-    up_px: float = 0.0
+    # Of all frames so far: the largest shift to the left and up, and that to the right and down.
+    _left_up_px: tuple[float, float] = (0.0, 0.0)
+    _right_down_px: tuple[float, float] = (0.0, 0.0)
     _marks: Landmarks | None = None
     _last: Shift = field(default=STILL)
 
@@ -121,16 +121,17 @@ class _FrameCorrector:
         shift = measure_shift(to_grey(frame), self._marks, self._last)
         shift = self._last if shift is UNKNOWN else shift
         self._last = shift
-        self.right_px, self.left_px = max(self.right_px, shift.x), max(self.left_px, -shift.x)
-        self.down_px, self.up_px = max(self.down_px, shift.y), max(self.up_px, -shift.y)
+        (left, up), (right, down) = self._left_up_px, self._right_down_px
+        self._left_up_px = max(left, -shift.x), max(up, -shift.y)
+        self._right_down_px = max(right, shift.x), max(down, shift.y)
         return undo_shift(frame, shift)
 
     def common_mask(self) -> Mask:
         """Return the mask (h, w) of the pixels that every corrected frame shows."""
         height, width = self.tank.shape[:2]
         mask = np.zeros((height, width), bool)
-        sides = (self.up_px, self.down_px, self.left_px, self.right_px)
-        top, bottom, left, right = (int(np.ceil(px)) + _EDGE if px else 0 for px in sides)
+        sides = (*self._left_up_px, *self._right_down_px)
+        left, top, right, bottom = (int(np.ceil(px)) + _EDGE if px else 0 for px in sides)
         mask[top : height - bottom, left : width - right] = True
         return mask
 
@@ -144,11 +145,9 @@ class _Reading(NamedTuple):
 
 
 def make_clip(
-    p: ClipSettings,
-    source: ClipSource,
-    folder: Path,
+    p: ClipSettings, source: ClipSource, folder: Path,
     show_progress: Watch = lambda *_: nullcontext(lambda: None),
-) -> ClipResult:
+) -> ClipResult:  # fmt: skip
     """Write a film as a clip: upright, at a constant frame rate, with the footage's faults mended.
 
     A repair that is chosen automatically stays only if it makes the film better (`is_better`).
@@ -182,14 +181,9 @@ def _is_retimed(facts: VideoFacts) -> bool:
 
 
 def _repair_clip(
-    p: FootageSettings,
-    todo: set[str],
-    before: ClipResult,
-    tank: Picture,
-    reading: _Reading,
-    folder: Path,
-    show_progress: Watch,
-) -> tuple[ClipResult, Picture, _Reading]:
+    p: FootageSettings, todo: set[str], before: ClipResult, tank: Picture, reading: _Reading,
+    folder: Path, show_progress: Watch,
+) -> tuple[ClipResult, Picture, _Reading]:  # fmt: skip
     """Write a clip again with more repairs; return it, its empty tank, and how the film is read.
 
     Repairs that make the film no better are left out, and the clip is written once more, until all
@@ -256,7 +250,7 @@ def is_better(repair: str, before: Quality, after: Quality) -> bool:
 
 
 def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -> set[str]:
-    """Return the names of the repairs that a film needs, or that the parameters ask for.
+    """Return the names of the repairs to make: those needed, and those that parameters ask for.
 
     They are keys of `REPAIRED_BY`. smaller_side_px: of the picture; it limits the shake that can be
     repaired.

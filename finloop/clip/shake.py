@@ -65,10 +65,14 @@ STILL = Shift(0.0, 0.0, 0.0)
 UNKNOWN = Shift(float("nan"), float("nan"), float("nan"))
 
 
+def to_grey(picture: Picture) -> Picture:
+    """Return the grey levels (h, w) uint8 of a picture, which is grey (h, w) or RGB (h, w, 3)."""
+    return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+
+
 def _smooth_grey(picture: Picture) -> Picture:
     """Return a picture (h, w[, 3]) as a smoothed grey one (h, w), so that noise makes no edges."""
-    grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-    return np.asarray(cv2.GaussianBlur(grey, (7, 7), 1.2))
+    return np.asarray(cv2.GaussianBlur(to_grey(picture), (7, 7), 1.2))
 
 
 def _shrink_picture(picture: Picture) -> np.ndarray:
@@ -98,13 +102,20 @@ def find_landmarks(tank: Picture) -> Landmarks:
         x.append(place[1] + left)
         tile.append(np.full(place.shape[1], number))
     xs, ys, tiles = (np.concatenate([np.empty(0, int), *parts]) for parts in (x, y, tile))
-    # Marks count less in a tile that has more edges than the median one: an animal may stay there.
-    share = np.bincount(tiles, steepness[ys, xs] ** 2, _TILES**2)
-    median_share = float(np.median(share[share > 0])) if len(tiles) else 1.0
-    trust = np.minimum(1.0, median_share / share[tiles])
+    trust = _trust_marks(tiles, steepness[ys, xs])
     return Landmarks(
         xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _shrink_picture(grey)
     )
+
+
+def _trust_marks(tile: Ints, steepness: Floats) -> Floats:
+    """Return weights (marks,): below 1 in a tile that has more edges than the median one.
+
+    An animal may stay there. tile, steepness (marks,): each mark's tile and slope.
+    """
+    edges = np.bincount(tile, steepness**2, _TILES**2)
+    median_edges = float(np.median(edges[edges > 0])) if len(tile) else 1.0
+    return np.minimum(1.0, median_edges / edges[tile])
 
 
 def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift:

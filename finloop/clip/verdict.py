@@ -30,11 +30,9 @@ _REFUSED = "A repair was tried, made the film no better, and was left out."
 
 
 def list_findings(
-    quality: Quality,
-    filmed: Quality | None = None,
-    mended: Collection[str] = (),
+    quality: Quality, filmed: Quality | None = None, mended: Collection[str] = (),
     refused: Collection[str] = (),
-) -> list[Finding]:
+) -> list[Finding]:  # fmt: skip
     """Return the findings on light, camera, pictures, exposure, contrast and coding of a clip.
 
     filmed: quality of the film before its repair; mended: the names of the repairs; refused: those

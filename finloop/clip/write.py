@@ -91,15 +91,11 @@ def write_clip(
             truth = stack.enter_context(table_writer(folder / TRUTH_NAME, TRUTH))
         timing, tally, source_frames = _write_streams(writer, source, truth, advance)
     facts = replace(
-        facts,
-        frames=timing.frames,
-        segments=split_at_cuts(timing.cuts, timing.frames),
-        frames_repeated=timing.repeated,
-        frames_dropped=timing.dropped,
-        frames_missing=source.loss.lost_frames,
-        mm_per_px=p.mm_per_px,
+        facts, frames=timing.frames, segments=split_at_cuts(timing.cuts, timing.frames),
+        frames_repeated=timing.repeated, frames_dropped=timing.dropped,
+        frames_missing=source.loss.lost_frames, mm_per_px=p.mm_per_px,
         notes=(*facts.notes, *source.loss.notes),
-    )
+    )  # fmt: skip
     save_facts(folder / FACTS_NAME, facts)
     save_mask(folder / ARENA_NAME, arena)
     numbers = pd.DataFrame(
@@ -171,11 +167,9 @@ def _open_films(p: ZebrafishSettings | FootageSettings, fields: Order) -> ClipSo
 
 
 def _write_streams(
-    writer: VideoWriter,
-    source: ClipSource,
-    write_truth: WriteRows | None,
+    writer: VideoWriter, source: ClipSource, write_truth: WriteRows | None,
     advance: Callable[[], None],
-) -> tuple[FrameCounts, ClipTally, array]:
+) -> tuple[FrameCounts, ClipTally, array]:  # fmt: skip
     """Write the frames of one film after another, re-timed to a constant frame rate.
 
     write_truth: writes the true places of drawn carp; None for filmed fish. Return the timing, the
@@ -237,13 +231,9 @@ def _make_arena(p: ClipSettings, width_px: int, height_px: int) -> np.ndarray:
 
 
 def rectangle_arena(
-    picture_width: int,
-    picture_height: int,
-    left_px: float,
-    top_px: float,
-    width_px: float,
+    picture_width: int, picture_height: int, left_px: float, top_px: float, width_px: float,
     height_px: float,
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Return the mask of a picture's pixels whose centres lie in a rectangle.
 
     The mask is (picture_height, picture_width). The left and top edges belong to it, the right and

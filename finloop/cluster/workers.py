@@ -150,7 +150,7 @@ def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
 
 
 def _prepare_worker(home: WorkerHome, work: str) -> Callable[[Any], Any]:
-    """Prepare this worker for a function, and return it: it is pickled in the file `work`.
+    """Prepare this worker to work, and return the function pickled in the file `work`.
 
     The worker must equal the submitting process (`home`), enters the shared folder, and gets one
     OpenCV thread. FinloopError if it differs, or does not see the file.
@@ -281,7 +281,7 @@ class DaskWorkers:
                 )
 
                 def send_item() -> Any:
-                    """Send the item to the scheduler; return Dask's future of the result."""
+                    """Send the item to the scheduler, again if need be; return Dask's future."""
                     key = f"piece-{name}-{next(numbers)}"
                     try:
                         return self.client.submit(pickle.loads, call, key=key, pure=False)

@@ -56,7 +56,6 @@ class FishOnlyPainter:
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
-        # Over black a pixel is alpha · colour, over white 255 − alpha more.
         over_black = self.black.canvas[box.slices]
         through = self.white.canvas[box.slices].astype(np.float32) - over_black  # 255 − alpha
         alpha = np.rint(_WHITE - through.mean(axis=2, keepdims=True)).astype(np.uint8)
@@ -121,10 +120,10 @@ def _straighten_alpha(pixels: Picture) -> Picture:
 def sprites_of_sequence(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
 ) -> tuple[list[tuple[PlacedFish]], int]:
-    """Return the sprites of a sequence to draw, one fish a step, and the size `half` of a canvas.
+    """Return the sprites of a sequence, a fish to draw for each step, and half a canvas's width.
 
-    The canvas is square, 2 half + 1 px wide, and holds them all: each is headed right, with its
-    mass centre in the middle pixel. sprites: schema SPRITES; sequence: name of the sequence.
+    A square canvas 2 half + 1 px wide holds them all: each is headed right, with its mass centre in
+    the middle pixel. sprites: schema SPRITES; sequence: name of the sequence.
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [

@@ -14,7 +14,7 @@ import pandas as pd
 from finloop.base.poses import BLOCK, Poses, iterate_blocks
 from finloop.base.schema import lists_to_points
 from finloop.features.area import interpolate_lines
-from finloop.features.head import begins_at_tail
+from finloop.features.head import turn_head_first
 
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
 SCORER = "finloop"
@@ -43,8 +43,7 @@ def keypoints_of_tracks(
     ids = np.sort(long_enough.sort_values(ascending=False, kind="stable").index[:most])
     rows = pd.concat([tracks, features], axis=1).assign(individual=individual)[individual.isin(ids)]
     rows = rows.sort_values(["frame", "individual"], ignore_index=True)
-    line = lists_to_points(rows, "backbone").astype(float)
-    line = np.where(begins_at_tail(line, rows)[:, None, None], line[:, ::-1], line)
+    line = turn_head_first(lists_to_points(rows, "backbone").astype(float), rows)
     places = interpolate_lines(line, np.linspace(0, line.shape[1] - 1, body_points + 2))
     centre = rows[["x_px", "y_px"]].to_numpy(float)
     confidence = rows["head_confidence"].to_numpy(float)[:, None].repeat(body_points + 2, 1)

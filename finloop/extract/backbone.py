@@ -89,9 +89,9 @@ def cut_limbs(mask: Mask) -> tuple[Mask, int]:
     distance = cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
     half_width = distance - 0.5  # from the middle of a pixel to the edge of the last
     radius = int(_THICK * half_width.max() + 0.5)
-    body = open_picture(picture, radius)
+    body = morph_with_disc(picture, cv2.MORPH_OPEN, radius)
     # The largest half width of each part, half a radius outside the body; 0 for a rounded corner.
-    away_from_body = picture & (1 - cv2.dilate(body, disc(radius // 2)))
+    away_from_body = picture & (1 - cv2.dilate(body, _disc(radius // 2)))
     part_count, part = cv2.connectedComponents(picture & (1 - body))  # 0: the rest of the picture
     widest = np.zeros(part_count)
     np.maximum.at(widest, part, half_width * away_from_body)
@@ -100,14 +100,14 @@ def cut_limbs(mask: Mask) -> tuple[Mask, int]:
     piece = cv2.connectedComponents(body)[1]  # 0: the rest of the picture
     if piece.max() > 1:  # several pieces of body: a thin part may be a waist
         for limb in np.flatnonzero(is_limb):
-            touched = piece[cv2.dilate((part == limb).view(np.uint8), disc(1)) > 0]
+            touched = piece[cv2.dilate((part == limb).view(np.uint8), _disc(1)) > 0]
             is_limb[limb] = np.unique(touched[touched > 0]).size < 2
     _, rest, stats, _ = cv2.connectedComponentsWithStats(picture * ~is_limb[part])
     largest_rest = rest == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
     return largest_rest, int((is_limb & (widest > 0)).sum())
 
 
-def disc(radius: int) -> Picture:
+def _disc(radius: int) -> Picture:
     """Return a disc as a picture of 0 and 1, 2 · radius + 1 px wide."""
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
 
@@ -122,30 +122,25 @@ def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
     """
     picture = mask.view(np.uint8)
     widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
-    notch_disc = disc(int(_NOTCH * widest + 0.5))
-    closed = _close_gaps(picture, notch_disc)
+    radius = int(_NOTCH * widest + 0.5)
+    closed = morph_with_disc(picture, cv2.MORPH_CLOSE, radius)
     contour_tree = cv2.findContours(closed, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
     if contour_tree is not None and (contour_tree[0, :, 3] >= 0).any():  # a parent, so it is a hole
         return mask, field
     inside = np.where(closed, field, 0)  # beside it there may be another fish
-    return closed.view(bool), np.maximum(_close_gaps(inside, notch_disc) * closed, field)
+    filled = morph_with_disc(inside, cv2.MORPH_CLOSE, radius)
+    return closed.view(bool), np.maximum(filled * closed, field)
 
 
-def open_picture(picture: Picture, radius: int) -> Picture:
-    """Return a picture (h, w) without bright parts narrower than a disc; beyond its edges is 0."""
-    rim = radius + 1
-    opened = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_OPEN, disc(radius))
-    return opened[rim:-rim, rim:-rim]
+def morph_with_disc(picture: Picture, operation: int, radius: int) -> Picture:
+    """Return a picture (h, w) opened or closed with a disc; beyond its edges is 0.
 
-
-def _close_gaps(picture: Picture, kernel_disc: Picture) -> Picture:
-    """Return a picture (h, w) whose gaps narrower than a disc are filled; beyond its edges is 0.
-
-    kernel_disc: the disc as a picture of 0 and 1.
+    operation: cv2.MORPH_OPEN removes bright parts that are narrower than the disc, cv2.MORPH_CLOSE
+    fills dark ones.
     """
-    (h, w), rim = picture.shape, len(kernel_disc) // 2
-    closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, kernel_disc)
-    return closed[rim : rim + h, rim : rim + w].copy()
+    (h, w), rim = picture.shape, radius + 1
+    morphed = cv2.morphologyEx(pad_picture(picture, rim), operation, _disc(radius))
+    return morphed[rim : rim + h, rim : rim + w].copy()
 
 
 def pad_picture(picture: Picture, rim_px: int) -> Picture:

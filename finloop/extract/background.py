@@ -96,7 +96,7 @@ def match_scene_to_light(scene: Scene, frame: Picture) -> Scene:
 
 
 def scale_brightness(picture: Picture, gain: float) -> Picture:
-    """Return a picture made `gain` times as bright; the picture itself if the gain is 1."""
+    """Return a picture made `gain` times as bright, 255 at most; itself if the gain is 1."""
     return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
@@ -119,10 +119,10 @@ def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Pi
 
 
 def _median_picture(pictures: Sequence[Picture]) -> Picture:
-    """Return the median of an odd number of pictures of one shape, bit by bit from the highest.
+    """Return the pixels' medians over an odd number of equally large pictures.
 
-    A bit is set if at most half of the pictures are below the number with that bit. This gives the
-    exact median, seven times as fast as sorting each pixel.
+    They are found bit by bit, the highest first: a bit is set if at most half of the pictures are
+    below the number with that bit. This is exact, and seven times as fast as sorting each pixel.
     """
     median = np.zeros_like(pictures[0])
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
@@ -158,9 +158,9 @@ def background_without_ghosts(frames: Sequence[Picture], median: Picture, least:
     """Return the median (h, w[, 3]) with fish that hardly moved replaced by the tank's floor.
 
     frames, median: (h, w[, 3]), sample frames and their median. Such a *ghost* is a patch of the
-    median that differs from its surroundings by more than `least` grey levels, while in some frame
-    it differs by less than half of that: there the fish was away. It takes the level of its
-    surroundings. A stone is there in every frame, and stays.
+    median that differs from its surroundings by more than `least` grey levels. In a tenth of its
+    pixels or more, some frame differs by less than half of that: there the fish was away. The ghost
+    takes the level of its surroundings. A stone is there in every frame, and stays.
     """
     height, width = median.shape[:2]
     reduction = max(1.0, min(height, width) / _SMALL)
@@ -242,13 +242,9 @@ def _grey_difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-
 
 
 def measure_scene(
-    frames: Sequence[Picture],
-    background: Picture,
-    polarity: Polarity,
-    sigmas: float,
-    least_threshold: float,
-    workers: Threads = ALONE,
-) -> Scene:
+    frames: Sequence[Picture], background: Picture, polarity: Polarity, sigmas: float,
+    least_threshold: float, workers: Threads = ALONE,
+) -> Scene:  # fmt: skip
     """Measure on sample frames how noisy the film is, and how fish differ from the background.
 
     The noise is the 68.3 % quantile of the absolute smoothed difference, a standard deviation that

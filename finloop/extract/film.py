@@ -219,20 +219,17 @@ def fill_lost_frames(
 
 
 def link_tracks(
-    detections: Iterable[Detections],
-    typical: TypicalFish,
-    settings: ExtractSettings,
+    detections: Iterable[Detections], typical: TypicalFish, settings: ExtractSettings,
     cuts: Sequence[int] = (),
-) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
+) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:  # fmt: skip
     """Link the fish of successive frames to tracks; yield for each frame verdicts and tracked fish.
 
     Verdicts of its silhouettes are counted. Fish wait until their track has `min_track_frames`
     frames; then all are yielded with the present frame. Fish of shorter tracks never are. cuts:
     numbers of frames before which the film is cut, and tracks end.
     """
-    linker = TrackLinker(
-        settings.max_link_distance_bl * typical.length_px, settings.step_area_ratio
-    )
+    gate_px = settings.max_link_distance_bl * typical.length_px
+    linker = TrackLinker(gate_px, settings.step_area_ratio)
     waiting: dict[int, list[TrackedFish]] = {}
     long_tracks: set[int] = set()
     for number, (verdicts, spots, fish) in enumerate(detections):
@@ -305,7 +302,7 @@ def fish_cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
 
 
 def track_table_rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
-    """Return rows of the table of tracks (`tracks_schema`), one for each of some fish, in order."""
+    """Return a row of the table of tracks (`tracks_schema`) for each given fish, in their order."""
     return pd.DataFrame(
         {
             "track_id": [f.track_id for f in fish],

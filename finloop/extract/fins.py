@@ -116,21 +116,25 @@ def find_pale_side(
         return None
     origin = np.array([fins.x0 - corner[0], fins.y0 - corner[1]])
     offset = _centre_of_mass(fins.mask * fins.field) + origin - _centre_of_mass(mask)
-    line, width = backbone.points_px, backbone.half_width_px
-    half = len(line) // 2
-    ahead = line[0] - line[-1]  # becomes a unit vector towards the thicker half
-    if width[:half].sum() < width[-half:].sum():
-        ahead = -ahead
-    ahead = ahead / (np.hypot(*ahead) or 1.0)
+    ahead = _thick_end_direction(backbone)
     across = np.array([-ahead[1], ahead[0]])
     outside = np.ones(fins.mask.shape, np.uint8)
     x, y = -origin
     outside[y : y + mask.shape[0], x : x + mask.shape[1]] -= mask
     distance = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_5)
     # A line around the fish, a quarter of its width (two half widths) outside its soft edge.
-    ring = np.abs(distance - _EDGE - width.max() / 2) <= 1
+    ring = np.abs(distance - _EDGE - backbone.half_width_px.max() / 2) <= 1
     on_fish = np.array([offset @ ahead, offset @ across])
     return PaleSide(offset, on_fish, float(fins.mask[ring].mean()))
+
+
+def _thick_end_direction(backbone: Backbone) -> Floats:
+    """Return the unit vector (2,) along a backbone to its thicker half; 0 if both ends meet."""
+    line, width = backbone.points_px, backbone.half_width_px
+    half, ahead = len(line) // 2, line[0] - line[-1]
+    if width[:half].sum() < width[-half:].sum():
+        ahead = -ahead
+    return ahead / (np.hypot(*ahead) or 1.0)
 
 
 def _centre_of_mass(picture: Picture | Mask) -> Floats:

@@ -71,9 +71,9 @@ class ExternalTracks:
     def find_rows(
         self, frames: NDArray[np.integer], individuals: NDArray[np.integer]
     ) -> NDArray[np.int64]:
-        """Return the row (n,) of each pair of a frame of the clip and an animal in it.
+        """Return the rows (n,) that place n animals, each in one frame of the clip.
 
-        frames, individuals: (n,), numbers of frames and of animals; every pair must exist.
+        frames, individuals: (n,), numbers of frames and of animals; every pair must have a row.
         """
         row = self.start[frames].copy()
         while (wrong := self.individual[row] != individuals).any():
@@ -82,7 +82,7 @@ class ExternalTracks:
 
 
 class FilmSize(NamedTuple):
-    """Number of frames, and sides of the picture, of the film that was tracked."""
+    """The size of the film that was tracked: its frames, and the sides of its pictures."""
 
     frames: int
     width_px: int
@@ -96,9 +96,8 @@ def map_poses_to_clip(
 
     Points of low confidence become NaN, and rows without any point are left out. poses: in the
     order of their frames; clip_frames: the film's frame that each frame of the clip shows.
-    FinloopError if a named keypoint is missing, no point is confident enough, the tracks continue
-    beyond the film's end, end before the middle of the clip or share no frame with it, or the
-    places are not in px of the picture.
+    FinloopError if a named keypoint is missing, no point is confident enough, the frames do not fit
+    film and clip (`_refuse_other_length`), or the places are not in px of the picture.
     """
     head = find_keypoint(
         poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint"
@@ -331,10 +330,9 @@ class ExternalTrackLinker:
         matches = match_silhouettes(self._given.points[rows], detected.spots, self._length)
         for animal, (outcome, silhouette) in zip(animals, matches, strict=True):
             self.outcomes[animal, outcome] += 1
-            if outcome == "used" and silhouette is not None:
-                fish = detected.fish[silhouette]
-                if fish is not None:  # it has a backbone
-                    yield animal, fish
+            fish = None if silhouette is None else detected.fish[silhouette]
+            if outcome == "used" and fish is not None:  # it has a backbone
+                yield animal, fish
 
     def no_track_error(self) -> NoTrackError:
         """Return the error to raise where no animal can be followed long enough for a track."""
@@ -421,11 +419,9 @@ class SilhouetteFit(NamedTuple):
 
 
 def measure_silhouette_fit(
-    tracks: ExternalTracks,
-    frames: Sequence[int],
-    silhouettes: Sequence[Sequence[SilhouettePlace]],
-    length_px: float,
-) -> SilhouetteFit:
+    tracks: ExternalTracks, frames: Sequence[int],
+    silhouettes: Sequence[Sequence[SilhouettePlace]], length_px: float,
+) -> SilhouetteFit:  # fmt: skip
     """Measure how well another program's places agree with the silhouettes of sample frames.
 
     frames: numbers of the sample frames; silhouettes: those of each; length_px: a body length. With
@@ -448,12 +444,9 @@ def measure_silhouette_fit(
     )
     chance = float(np.concatenate(near_by_chance).mean()) if near_by_chance else 0.0
     return SilhouetteFit(
-        share=float(near.mean()),
-        chance=chance,
-        places=len(near),
-        lost=lost,
+        share=float(near.mean()), chance=chance, places=len(near), lost=lost,
         seen=max(map(len, silhouettes)),
-    )
+    )  # fmt: skip
 
 
 def _have_near_silhouette(

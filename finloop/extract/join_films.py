@@ -5,6 +5,7 @@ Cut-outs are (h, w, channels) uint8, colour premultiplied by alpha, the last cha
 """
 
 import shutil
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Picture
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
+from finloop.base.stretches import spread_rows
 from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, SCENE_NAME
 from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
@@ -66,6 +68,14 @@ class _FilmTracks(NamedTuple):
     home: Path
 
 
+class _JointFiles(NamedTuple):
+    """Where the rows of all films are written: tracks, another program's tracks, cut-outs."""
+
+    write_tracks: Callable[[pd.DataFrame], None]
+    write_external: Callable[[pd.DataFrame], None] | None  # None without such tracks
+    cutouts: CutoutWriter
+
+
 def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[FilmContribution]:
     """Join tracks and cut-outs of several films in the first film's tank; return what each adds.
 
@@ -91,34 +101,42 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
     first_levels = None  # median grey levels of the first film's fish
     with ExitStack() as stack:
         write = stack.enter_context(table_writer(folder / TRACKS_NAME, tracks_schema(scene.points)))
-        write_external = None  # writes the rows of another tracking program
+        write_external = None
         if (first / GIVEN_NAME).exists():
             write_external = stack.enter_context(table_writer(folder / GIVEN_NAME, GIVEN))
         cutouts = stack.enter_context(CutoutWriter(folder / CUTOUTS_NAME))
-        for part in parts:
-            if part.name in errors:
-                continue
+        files = _JointFiles(write, write_external, cutouts)
+        for part in (part for part in parts if part.name not in errors):
             film = _load_film_tracks(part, clip, folder, joint)
-            if not len(film.rows):
-                contributions.append(FilmContribution(part.name, 0, 0, FishScaling()))
-                continue
-            drop_colour = film.facts.colour and not joint.colour
-            with open_cutouts(film.home / CUTOUTS_NAME) as store:
-                levels = _median_levels(store, film.rows, drop_colour)
+            scaling, tracks = FishScaling(), 0
+            if len(film.rows):
+                drop_colour = film.facts.colour and not joint.colour
+                levels = _median_levels(film, drop_colour)
                 first_levels = levels if first_levels is None else first_levels
                 scaling = find_fish_scaling(
                     film.scene.typical_length_px, scene.typical_length_px, levels, first_levels,
                     drop_colour,
                 )  # fmt: skip
-                tracks_before = sum(earlier.tracks for earlier in contributions)
-                table = _renumber_tracks(_scale_measures(film.table, scaling), tracks_before)
-                write(table)
-                if write_external:
-                    write_external(_joint_external_rows(film, table, scaling.scale))
-                _copy_cutouts(cutouts, store, film.rows, table, scaling)
-            tracks = table["track_id"].nunique()
+                first_track = sum(earlier.tracks for earlier in contributions)
+                tracks = _append_film(film, files, scaling, first_track)
             contributions.append(FilmContribution(part.name, len(film.rows), tracks, scaling))
     return contributions
+
+
+def _append_film(
+    film: _FilmTracks, files: _JointFiles, scaling: FishScaling, first_track: int
+) -> int:
+    """Append a film's rows, its fish scaled, to the joint files; return how many tracks it adds.
+
+    first_track: the number of its first track in the joint table.
+    """
+    table = _renumber_tracks(_scale_measures(film.table, scaling), first_track)
+    files.write_tracks(table)
+    if files.write_external:
+        files.write_external(_joint_external_rows(film, table, scaling.scale))
+    with open_cutouts(film.home / CUTOUTS_NAME) as store:
+        _copy_cutouts(files.cutouts, store, film.rows, table, scaling)
+    return table["track_id"].nunique()
 
 
 def _renumber_tracks(table: pd.DataFrame, first_track: int) -> pd.DataFrame:
@@ -175,16 +193,17 @@ def _copy_cutouts(
         writer.write(match_cutout(store[row], scaling)._replace(track_id=track_id, frame=frame))
 
 
-def _median_levels(store: CutoutStore, rows: Rows, drop_colour: bool) -> Floats:
+def _median_levels(film: _FilmTracks, drop_colour: bool) -> Floats:
     """Return the median levels (channels,), 0 … 255, of the opaque pixels in a film's cut-outs.
 
     They are measured in a sample of its rows. drop_colour: whether RGB counts as grey.
     """
     opaque = []
-    for row in rows[np.unique(np.linspace(0, len(rows) - 1, _SAMPLE).astype(int))].tolist():
-        pixels = store[row].pixels
-        pixels = _drop_colour(pixels) if drop_colour else pixels
-        opaque.append(pixels[pixels[..., -1] >= _OPAQUE][:, :-1])
+    with open_cutouts(film.home / CUTOUTS_NAME) as store:
+        for row in spread_rows(film.rows, _SAMPLE).tolist():
+            pixels = store[row].pixels
+            pixels = _drop_colour(pixels) if drop_colour else pixels
+            opaque.append(pixels[pixels[..., -1] >= _OPAQUE][:, :-1])
     return np.median(np.concatenate(opaque), axis=0)
 
 
@@ -226,14 +245,11 @@ def match_cutout(cutout: Cutout, scaling: FishScaling) -> Cutout:
 
 def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
     """Return a cut-out drawn `scale` times as large: pixel X shows what X / scale showed."""
-    h, w = cutout.pixels.shape[:2]
-    # A pixel reaches half a px to both sides of its middle.
-    x0, y0 = (int(np.floor(scale * (start - 0.5))) for start in (cutout.x0_px, cutout.y0_px))
-    x1, y1 = (
-        int(np.ceil(scale * (start + size - 0.5))) + 1
-        for start, size in ((cutout.x0_px, w), (cutout.y0_px, h))
-    )
     pixels = cutout.pixels
+    # The first column and row of the result, and its last; a pixel reaches half a px to both sides.
+    corner = np.array([cutout.x0_px, cutout.y0_px]) - 0.5
+    x0, y0 = np.floor(scale * corner).astype(int).tolist()
+    x1, y1 = np.ceil(scale * (corner + pixels.shape[1::-1])).astype(int).tolist()
     if scale < 1:  # avoids aliasing: a blur of 0.4 px becomes one of 0.4 px of the smaller picture
         blur = 0.4 * float(np.sqrt(scale**-2 - 1))
         pixels = cv2.GaussianBlur(pixels, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
@@ -242,7 +258,7 @@ def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
     ])  # fmt: skip
     interpolation = cv2.INTER_LINEAR if scale < 1 else cv2.INTER_CUBIC
     drawn = cv2.warpAffine(
-        pixels, to_cutout, (x1 - x0, y1 - y0), flags=interpolation | cv2.WARP_INVERSE_MAP
+        pixels, to_cutout, (x1 + 1 - x0, y1 + 1 - y0), flags=interpolation | cv2.WARP_INVERSE_MAP
     )
     drawn = np.minimum(drawn, drawn[..., -1:])  # a colour never exceeds its alpha
     return cutout._replace(x0_px=x0, y0_px=y0, pixels=drawn)

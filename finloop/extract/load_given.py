@@ -30,9 +30,9 @@ from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_ch
 
 
 def find_tracks_path(film: Path, pattern: str) -> str:
-    """Return the path of the file or folder of tracks that belongs to one of several films.
+    """Return the path of one film's tracks, a file or folder, where several films are given.
 
-    film: path of the film. pattern: a path in which {folder} and {name} stand for the film's folder
+    film: its path. pattern: a path in which {folder} and {name} stand for the film's folder
     and its name without ending, and `*`, `?`, `[…]` for unknown parts. FinloopError if it contains
     neither, or does not match exactly one path. Of DeepLabCut's tracks and their filtered twin,
     x.h5 and x_filtered.h5, the filtered ones are taken.
@@ -59,8 +59,7 @@ def find_tracks_path(film: Path, pattern: str) -> str:
 def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> ExternalTracks:
     """Load the tracks of another program, which `p.tracks_path` names, by frames of the clip.
 
-    clip: the folder of the clip; facts: about it. FinloopError if the tracks cannot be read, or do
-    not fit the clip.
+    FinloopError if the tracks cannot be read, or do not fit the clip.
     """
     software = None if p.tracks_software == "auto" else p.tracks_software
     poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
@@ -87,8 +86,7 @@ def check_external_tracks(
 ) -> SilhouetteFit:
     """Return how well tracks agree with silhouettes in sample frames of the clip they must fit.
 
-    clip: its folder; facts: about it. FinloopError if so few places agree that the tracks must be
-    of another film.
+    FinloopError if so few places agree that the tracks must be of another film.
     """
     tracked_frames = np.flatnonzero(given.stop > given.start)
     count = min(detector.settings.samples, len(tracked_frames))

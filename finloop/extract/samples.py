@@ -7,7 +7,7 @@ without ghosts, and an even tone. The one whose fish are most alike in size is t
 clearly better.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from operator import attrgetter
@@ -100,11 +100,9 @@ class _BackgroundTrial(NamedTuple):
 
 
 def measure_scene_and_fish(
-    sample_frames: Sequence[Picture],
-    arena: Picture,
-    settings: ExtractSettings,
+    sample_frames: Sequence[Picture], arena: Picture, settings: ExtractSettings,
     workers: Threads = ALONE,
-) -> tuple[Scene, TypicalFish]:
+) -> tuple[Scene, TypicalFish]:  # fmt: skip
     """Measure the scene and a typical fish on sample frames spread over the clip.
 
     sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside. With background `auto`, other
@@ -114,37 +112,47 @@ def measure_scene_and_fish(
     """
     measure = partial(_measure_with_background, sample_frames, arena, settings, workers)
     if settings.background == "threshold":
-        return measure(flat_background(sample_frames))[:2]  # scene and fish
-    median, area_spread = median_background(sample_frames, workers), attrgetter("area_spread")
-    if settings.background != "auto":  # `mog2` starts from the median
-        return measure(median)[:2]
+        trial = measure(flat_background(sample_frames))
+    else:
+        median = median_background(sample_frames, workers)
+        if settings.background == "auto":
+            trial = _try_backgrounds(measure, sample_frames, median, settings.least_contrast)
+        else:  # `mog2` starts from the median
+            trial = measure(median)
+    return trial.scene, trial.typical
 
-    def try_other_backgrounds() -> Iterator[_BackgroundTrial]:
-        """Yield the measurements with those other backgrounds on which a fish is found."""
-        with suppress(FinloopError):
-            ghost = max(settings.least_contrast, _GHOST)
-            yield measure(background_without_ghosts(sample_frames, median, ghost))
-        with suppress(FinloopError):
-            yield measure(flat_background(sample_frames))
 
+def _try_backgrounds(
+    measure: Callable[[Picture], _BackgroundTrial], sample_frames: Sequence[Picture],
+    median: Picture, least_contrast: float,
+) -> _BackgroundTrial:  # fmt: skip
+    """Return the trial of the best background: the median, it without ghosts, or an even tone.
+
+    measure: tries a background; FinloopError if no fish is found on it. least_contrast: of a fish,
+    grey levels. FinloopError if none shows a fish.
+    """
+    others: list[_BackgroundTrial] = []
+    with suppress(FinloopError):
+        ghost = max(least_contrast, _GHOST)
+        others.append(measure(background_without_ghosts(sample_frames, median, ghost)))
+    with suppress(FinloopError):
+        others.append(measure(flat_background(sample_frames)))
+    best_other = min(others, key=attrgetter("area_spread"), default=None)
     try:
         with_median = measure(median)
     except FinloopError:
-        if best := min(try_other_backgrounds(), key=area_spread, default=None):
-            return best[:2]
-        raise
-    best = min(try_other_backgrounds(), key=area_spread, default=with_median)
-    clearly_better = best.area_spread < _BETTER * with_median.area_spread
-    return (best if clearly_better else with_median)[:2]
+        if best_other is None:
+            raise
+        return best_other
+    if best_other and best_other.area_spread < _BETTER * with_median.area_spread:
+        return best_other
+    return with_median
 
 
 def _measure_with_background(
-    sample_frames: Sequence[Picture],
-    arena: Picture,
-    settings: ExtractSettings,
-    workers: Threads,
+    sample_frames: Sequence[Picture], arena: Picture, settings: ExtractSettings, workers: Threads,
     background: Picture,
-) -> _BackgroundTrial:
+) -> _BackgroundTrial:  # fmt: skip
     """Return the scene, a typical fish and how much fish vary in area, against a given background.
 
     The last is infinite if there are fewer fish than half the frames. Setting `thin` "auto": thin
@@ -180,9 +188,8 @@ def _measure_with_background(
         if with_thin[-1] < _BETTER * length_spread:
             silhouettes, typical, _ = with_thin
     areas = [s.area_px for s in silhouettes if judge_silhouette(s, typical, settings) == "fish"]
-    area_spread = np.inf
-    if 2 * len(areas) >= len(sample_frames):
-        area_spread = _median_and_spread(areas)[1]
+    are_enough = 2 * len(areas) >= len(sample_frames)
+    area_spread = _median_and_spread(areas)[1] if are_enough else np.inf
     return _BackgroundTrial(scene, typical, area_spread)
 
 
@@ -229,10 +236,9 @@ def find_typical_fish(
 
 
 def _choose_fins(
-    traced: Sequence[tuple[Silhouette, Backbone]],
-    setting: Literal["auto", "keep", "drop"],
+    traced: Sequence[tuple[Silhouette, Backbone]], setting: Literal["auto", "keep", "drop"],
     polarity: Polarity,
-) -> Fins:
+) -> Fins:  # fmt: skip
     """Return which pale pixels beside the bodies belong to the fish: all, the brighter or none.
 
     setting: "keep" gives "all", "drop" gives "none", "auto" classifies the pixels. Fins give "all".

@@ -22,7 +22,7 @@ from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
 from finloop.extract.backbone import (
     Backbone,
-    open_picture,
+    morph_with_disc,
     pad_picture,
     quantile_above,
     refine_outline,
@@ -171,7 +171,7 @@ def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> P
     pale = cv2.threshold(change, least_level, 1, cv2.THRESH_BINARY)[1] | body
     half_width = float(cv2.distanceTransform(pad_picture(body, 1), cv2.DIST_L2, 3).max())
     radius = max(1, int(_THIN * half_width + 0.5))
-    wide = open_picture(pale, radius)
+    wide = morph_with_disc(pale, cv2.MORPH_OPEN, radius)
     body_and_thin = body | (pale & (1 - wide))
     _, number = cv2.connectedComponents(body_and_thin)
     touches_body = np.isin(number, number[body.view(bool)])
@@ -228,18 +228,18 @@ def _silhouette_inside_edge(
     edge: px of the patch; patch: part of the difference image; corner: x, y of the patch in the
     picture; contrast: of the patch, grey levels; arena: of the whole picture, uint8, 255 inside.
     """
+    (left, top), (height, width) = corner, arena.shape
     x, y, w, h = cv2.boundingRect(edge)
-    at_edge = min(x + corner[0], y + corner[1]) <= 1
-    at_edge |= x + w + corner[0] >= arena.shape[1] - 1 or y + h + corner[1] >= arena.shape[0] - 1
+    at_edge = min(x + left, y + top) <= 1 or x + w + left >= width - 1 or y + h + top >= height - 1
+    # The cut-out is the edge's box with a rim of tank, as far as the patch reaches.
     x, y, right, bottom = max(x - _PAD, 0), max(y - _PAD, 0), x + w + _PAD, y + h + _PAD
     field = patch[y:bottom, x:right].copy()
     mask = np.zeros(field.shape, np.uint8)
     cv2.drawContours(mask, [edge], -1, 1, cv2.FILLED, offset=(-x, -y))
-    x0, y0, area = x + corner[0], y + corner[1], cv2.countNonZero(mask)
-    height, width = field.shape
-    inside = arena[y0 : y0 + height, x0 : x0 + width]
+    x0, y0, area = x + left, y + top, cv2.countNonZero(mask)
+    outside = arena[y0 : y0 + field.shape[0], x0 : x0 + field.shape[1]] == 0
     near = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
-    at_border = at_edge or bool((near & (inside == 0)).any())
+    at_border = at_edge or bool((near & outside).any())
     return Silhouette(x0, y0, mask.view(bool), field, contrast, area, at_border)
 
 

@@ -131,12 +131,9 @@ class TrackLinker:
         }
 
     def _has_split(
-        self,
-        before: SilhouettePlace,
-        number: int,
-        silhouettes: list[SilhouettePlace],
+        self, before: SilhouettePlace, number: int, silhouettes: list[SilhouettePlace],
         tracks: dict[int, _Track],
-    ) -> bool:
+    ) -> bool:  # fmt: skip
         """Return whether a silhouette shrank because another one parted from it.
 
         before: its place in the frame before; silhouettes: those of this frame, in which it has

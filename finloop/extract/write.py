@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
 from finloop.base.errors import UndecodableError
@@ -53,10 +52,10 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 
 
 class Extraction(NamedTuple):
-    """The results of a clip: facts, counts of silhouettes by verdict, counts of frames by track.
+    """The results of a clip: facts, how many silhouettes got each verdict, how long tracks are.
 
-    given: outcomes of another program's places; empty without such tracks. lost: numbers of the
-    frames that could not be decoded.
+    lengths: frames by track. given: outcomes of another program's places; empty without such
+    tracks. lost: numbers of the frames that could not be decoded.
     """
 
     scene: SceneFacts
@@ -67,13 +66,9 @@ class Extraction(NamedTuple):
 
 
 def extract_tracks(
-    clip: Path,
-    p: ExtractSettings,
-    folder: Path,
-    workers: Workers,
-    advance: Callable[[], None] = lambda: None,
-    pieces: Pieces | None = None,
-) -> Extraction:
+    clip: Path, p: ExtractSettings, folder: Path, workers: Workers,
+    advance: Callable[[], None] = lambda: None, pieces: Pieces | None = None,
+) -> Extraction:  # fmt: skip
     """Write the tracks, cut-outs, scene and background of a clip to a folder, and return a summary.
 
     clip: the folder of the clip. Each of `workers` decodes and measures its own stretches;
@@ -90,10 +85,7 @@ def extract_tracks(
     if external_tracks:
         agreement = check_external_tracks(external_tracks, clip, facts, scene, detector)
         linker = ExternalTrackLinker(external_tracks, typical.length_px, p.min_track_frames)
-    # One thread per worker: every core decodes its own stretch.
-    read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
-    store = pieces.load_or_make if pieces else None
-    stream = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, store)
+    stream = _open_stream(clip, facts, pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
 
@@ -128,13 +120,20 @@ def extract_tracks(
     return Extraction(scene_facts, verdicts, lengths, external_metrics, lost)
 
 
+def _open_stream(clip: Path, facts: VideoFacts, pieces: Pieces | None) -> film.ClipStream:
+    """Return how workers read the clip in a folder, and store their detections in `pieces`."""
+    # One thread per worker: every core decodes its own stretch.
+    read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
+    store = pieces.load_or_make if pieces else None
+    return film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, store)
+
+
 def _measure_clip(
     clip: Path, facts: VideoFacts, p: ExtractSettings
 ) -> tuple[Scene, film.Detector, list[film.Detections]]:
     """Return a clip's scene, the detector of its fish, and what this finds in some sample frames.
 
-    clip: its folder; facts: about it. UndecodableError if no frame can be decoded, FinloopError if
-    no fish is found.
+    UndecodableError if no frame can be decoded, FinloopError if no fish is found.
     """
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
@@ -146,39 +145,25 @@ def _measure_clip(
 
 
 def _scene_facts(scene: Scene, typical: TypicalFish, points: int) -> SceneFacts:
-    """Return what later stages need to know of a scene and its typical fish.
-
-    points: number of backbone points.
-    """
+    """Return what later stages need to know of a scene, its typical fish and backbone points."""
     return SceneFacts(
-        polarity=scene.polarity,
-        noise_grey=scene.noise,
-        threshold_grey=scene.threshold,
-        typical_area_px=typical.area_px,
-        typical_length_px=typical.length_px,
-        typical_contrast_grey=typical.contrast,
-        fins=typical.fins,
-        points=points,
-        thin=typical.thin,
-        typical_edge_px=typical.edge_px,
-        limbs=typical.limbs,
-    )
+        polarity=scene.polarity, noise_grey=scene.noise, threshold_grey=scene.threshold,
+        typical_area_px=typical.area_px, typical_length_px=typical.length_px,
+        typical_contrast_grey=typical.contrast, fins=typical.fins, points=points,
+        thin=typical.thin, typical_edge_px=typical.edge_px, limbs=typical.limbs,
+    )  # fmt: skip
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
-    """Return a sentence that says which frames (`lost`, ascending) cannot be decoded, and when.
-
-    facts: about the clip.
-    """
+    """Return a sentence that says which frames (`lost`, ascending) cannot be decoded, and when."""
     runs = np.split(np.array(lost), np.flatnonzero(np.diff(lost) > 1) + 1)
     named = ", ".join(f"{run[0]}-{run[-1]} ({run[0] / facts.frame_rate_hz:.2f} s)" for run in runs)
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
 
 
 def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list[Picture]:
-    """Return frames (h, w[, 3]) spread over a clip, without damaged ones.
+    """Return at most `most_samples` frames (h, w[, 3]) spread over a clip, without damaged ones.
 
-    path: of the clip's film; facts: about it; most_samples: how many frames at most.
     UndecodableError if none can be decoded.
     """
     require_frame_count(path, facts.frames)
@@ -186,15 +171,11 @@ def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list
     numbers = film.choose_sample_frames(most_samples, facts.frames, shape, KEY_FRAME_EVERY)
     # One thread per decoder: several threads would decode frames after a key frame in vain.
     read = partial(read_chosen_frames, path, colour=facts.colour, threads=1)
-
-    def read_pictures(part: NDArray[np.intp]) -> list[Picture]:
-        """Return the frames with these numbers."""
-        return list(read(part.tolist()))
-
+    parts = [part.tolist() for part in np.array_split(numbers, THREADS)]
     try:
-        pieces = ordered_map(read_pictures, np.array_split(numbers, THREADS), Threads(THREADS))
+        pieces = ordered_map(lambda part: list(read(part)), parts, Threads(THREADS))
         return [frame for piece in pieces for frame in piece]
-    except UndecodableError:
+    except UndecodableError:  # read one by one, only the damaged frames are lost
         frames: list[Picture] = []
         for number in numbers:
             with suppress(UndecodableError):

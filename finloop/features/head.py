@@ -11,7 +11,7 @@ exchanging head and tail would be a jump of a body length, and costs accordingly
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -77,6 +77,14 @@ def begins_at_tail(lines: Reals, features: pd.DataFrame) -> Mask:
     return last < first
 
 
+def turn_head_first(lines: Reals, features: pd.DataFrame) -> NDArray[Any]:
+    """Return backbones (rows, n, 2) px, which may begin at either end, with the head first.
+
+    features: the same rows of a feature table, which has the places of the heads.
+    """
+    return np.where(begins_at_tail(lines, features)[:, None, None], lines[:, ::-1], lines)
+
+
 def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
     """Return which end of each backbone (rows, n, 2) px another tracking program calls the head.
 
@@ -94,12 +102,9 @@ def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8
 
 
 def decide_head_end(
-    backbone: Reals,
-    half_width: Reals,
-    rate_hz: float,
-    given_head: NDArray[np.int8] | None = None,
+    backbone: Reals, half_width: Reals, rate_hz: float, given_head: NDArray[np.int8] | None = None,
     cues: HeadCues = FISH_CUES,
-) -> tuple[Mask, Floats]:
+) -> tuple[Mask, Floats]:  # fmt: skip
     """Decide for each frame of a track whether the first backbone point is the head.
 
     Return the decisions (frames,) and their probabilities (frames,). These are judged by the film
@@ -172,7 +177,8 @@ def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask
     ends do not swap in a step. Plain numbers are twenty times as fast here as arrays of two states.
     """
     # Forwards: `odds` are those of the best sequence that ends with the first point as the head, to
-    # the best that ends otherwise: max(odds + stay, 0) − max(odds, stay), and the frame's own.
+    # the best that ends otherwise: the frame's own, and max(odds + stay, 0) − max(odds, stay), that
+    # is (|odds + stay| − |odds − stay|) / 2.
     # Whether it was the head a frame ago, if it is now, and if it is not.
     before_head, before_tail = [], []
     odds = evidence[0]

@@ -46,7 +46,7 @@ def orientation_table(features: pd.DataFrame) -> pd.DataFrame:
 
 
 def rows_of_longest_track(features: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the track with the most frames; of equal ones, that of lowest number."""
+    """Return the rows of the longest track; of equally long ones, that with the lowest number."""
     return features[features["track_id"] == features["track_id"].mode()[0]]
 
 
@@ -154,8 +154,8 @@ def compare_with_truth(
 
     backbones (rows, n, 2): px, head first, in the table's order; truth: a row per carp per frame.
     Each measured fish is compared with the nearest carp of its frame. A backbone's error is the
-    mean distance of its points from the true points at the same shares of the length, after head
-    and tail are exchanged where that makes it smaller; such swaps are counted.
+    mean distance of its points from the true points at the same shares of the length. Where it is
+    smaller with head and tail exchanged, that error counts, and the swap is counted.
     """
     fish_rows, true_rows = _pair_with_truth(features, truth)
     fish = features.iloc[fish_rows].reset_index(drop=True)
@@ -243,7 +243,7 @@ def _compare_backbones(backbones: np.ndarray, true: pd.DataFrame) -> tuple[Float
 
 
 def _pair_with_truth(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
-    """Return row numbers (2, k): of measured fish, and of the nearest true fish of the same frame.
+    """Pair measured fish with the nearest true fish of their frame; return both row numbers (2, k).
 
     Measured fish in frames without a true fish are left out.
     """

@@ -223,12 +223,9 @@ def _measure_motion_over_delta(
 
 
 def choose_turn_thresholds(
-    heading_deg: Reals,
-    bend: Reals,
-    tracks: Sequence[slice],
-    delta_frames: int,
+    heading_deg: Reals, bend: Reals, tracks: Sequence[slice], delta_frames: int,
     settings: FeaturesSettings,
-) -> TurnThresholds:
+) -> TurnThresholds:  # fmt: skip
     """Return the thresholds of a turn: each is given in the settings, or `auto` and measured.
 
     heading_deg (n,), bend (n,), signed body length²: of all rows; tracks: the rows of each track;
@@ -261,16 +258,14 @@ def orient_backbones(
     """
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])
-    given_head = None if given is None else match_head_end(backbone, *read_head_and_tail(given))
+    given_head = np.zeros(len(tracks), np.int8)  # unknown
+    if given is not None:
+        given_head = match_head_end(backbone, *read_head_and_tail(given))
     cues = choose_head_cues(rule, backbone, width, track_slices(tracks), rate_hz)
     head_first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
     for rows in track_slices(tracks):
         head_first[rows], confidence[rows] = decide_head_end(
-            backbone[rows],
-            width[rows],
-            rate_hz,
-            None if given_head is None else given_head[rows],
-            cues,
+            backbone[rows], width[rows], rate_hz, given_head[rows], cues
         )
     return np.where(head_first[:, None, None], backbone, backbone[:, ::-1]), confidence
 

@@ -18,7 +18,7 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.schema import lists_to_points
 from finloop.curve.contour import Curve, area_centroids, orient_clockwise, resample_curve
-from finloop.features.head import begins_at_tail
+from finloop.features.head import turn_head_first
 from finloop.gait.period import Period, find_period, period_from_phase, remove_beat, set_phase_zero
 
 POINTS = 128
@@ -55,8 +55,7 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
             "the same frames in both",
             "remake both: dvc repro features",
         )
-    tail_leads = begins_at_tail(backbone, features)[:, None, None]
-    return outline.astype(float), np.where(tail_leads, backbone[:, ::-1], backbone)
+    return outline.astype(float), turn_head_first(backbone, features)
 
 
 def swim_contours(

@@ -63,7 +63,7 @@ def _standardise(values: Floats) -> Floats:
 def appearance_log_ratios(
     tracks: Sequence[Floats], at_once: TrackPairs, pairs: TrackPairs
 ) -> Floats:
-    """Return for each pair of tracks log(probability of one animal / of two) by their looks, (e,).
+    """Return log(P of one animal / P of two) by the looks, for each of e pairs of tracks, (e,).
 
     tracks: the descriptors (k, d) of each track's pictures, in the order of time; at_once: pairs of
     tracks with a frame in common, certainly two animals; pairs: those to rate. The ratio is that of
@@ -88,14 +88,14 @@ def appearance_log_ratios(
         return np.zeros(len(pairs.a))
     first, last = _mean_descriptors_at_ends(tracks, _find_discriminant(tracks, long_tracks))
     limit = float(np.log(fewest))  # so many examples show no greater certainty
-    distance = np.minimum(_descriptor_distances(last[pairs.a], first[pairs.b]), farthest)
-    return np.clip(slope * distance + offset, -limit, limit)
+    distance = np.linalg.norm(last[pairs.a] - first[pairs.b], axis=1)
+    return np.clip(slope * np.minimum(distance, farthest) + offset, -limit, limit)
 
 
 def _example_distances(
     tracks: Sequence[Floats], long_tracks: Tracks, at_once: TrackPairs
 ) -> tuple[Floats, Floats]:
-    """Return distances of descriptors of certainly one animal (k,), and of two animals (l,).
+    """Return descriptors' distances in pairs of certainly one animal (k,), and of two (l,).
 
     One animal: the first and the last part of each long track. Two: the first part of one long
     track and the last part of another, for the pairs `at_once`, which have a frame in common.
@@ -108,10 +108,10 @@ def _example_distances(
         test[long_tracks[fold::_FOLDS]] = True
         directions = _find_discriminant(tracks, long_tracks[~test[long_tracks]])
         first, last = _mean_descriptors_at_ends(tracks, directions)
-        one_animal.append(_descriptor_distances(first[test], last[test]))
+        one_animal.append(np.linalg.norm(first[test] - last[test], axis=1))
         both_in_test = test[at_once.a] & test[at_once.b]
         a, b = at_once.a[both_in_test], at_once.b[both_in_test]
-        two_animals.append(_descriptor_distances(first[a], last[b]))
+        two_animals.append(np.linalg.norm(first[a] - last[b], axis=1))
     return np.concatenate(one_animal), np.concatenate(two_animals)
 
 
@@ -135,7 +135,7 @@ def _find_discriminant(
 def _mean_descriptors_at_ends(
     tracks: Sequence[Floats], directions: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
-    """Return the mean descriptors (n, c) of the first and of the last part of each track.
+    """Return the mean descriptors (n, c) of every track's first part, and of its last part.
 
     directions: discriminant directions onto which they are projected; None leaves them as they are.
     """
@@ -146,8 +146,3 @@ def _mean_descriptors_at_ends(
         return first, last
     # The directions are linear: the mean of codes is the code of the mean.
     return directions.transform(first), directions.transform(last)
-
-
-def _descriptor_distances(a: Floats, b: Floats) -> Floats:
-    """Return the distances (n,) of descriptors a from descriptors b, (n, c) each."""
-    return np.linalg.norm(a - b, axis=1)

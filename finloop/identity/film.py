@@ -74,17 +74,17 @@ def identify_animals(evidence: IdentityEvidence) -> pd.DataFrame:
     """Return the animal of each track (schema IDENTITIES); animal 0 has the most frames."""
     features = evidence.reel.features
     slices = track_slices(features)
-    first = np.array([rows.start for rows in slices])
-    last = np.array([rows.stop - 1 for rows in slices])
+    first, last = np.array([(rows.start, rows.stop - 1) for rows in slices]).T
     joins = _join_tracks(evidence, [np.arange(rows.start, rows.stop) for rows in slices])
     frame, track_id = features["frame"].to_numpy(), features["track_id"].to_numpy()
-    has_predecessor = joins.before >= 0
+    # The last row of each track's predecessor; without one the value is not used.
+    has_predecessor, previous = joins.predecessor >= 0, last[joins.predecessor]
     return pd.DataFrame(
         {
             "track_id": track_id[first],
             "identity": _number_animals(joins, (last - first + 1).tolist()),
-            "after_track": np.where(has_predecessor, track_id[last[joins.before]], -1),
-            "gap_frames": np.where(has_predecessor, frame[first] - frame[last[joins.before]], 0),
+            "after_track": np.where(has_predecessor, track_id[previous], -1),
+            "gap_frames": np.where(has_predecessor, frame[first] - frame[previous], 0),
             "probability": joins.probability,
         }
     ).astype(IDENTITIES.kinds)
@@ -132,10 +132,9 @@ def measure_trial_gaps(
         pieces += pieces_of_track
     if not first_halves:
         return np.full(2, np.nan)
-    before = _join_tracks(evidence, pieces).before
-    before_second_half = before[np.array(first_halves) + 1]
-    is_right = before_second_half == first_halves
-    is_open = before_second_half < 0
+    predecessor = _join_tracks(evidence, pieces).predecessor
+    joined_to = predecessor[np.array(first_halves) + 1]  # of each second half
+    is_right, is_open = joined_to == first_halves, joined_to < 0
     return np.array([is_right.mean(), (~is_right & ~is_open).mean()])
 
 
@@ -174,7 +173,7 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
     descriptors = _describe_tracks(evidence, track_rows)
 
     def score_pairs(chains: Chains) -> tuple[TrackPairs, Floats]:
-        """Return pairs of chains that may be one animal, and log(P of one / P of two) of each."""
+        """Return pairs of chains that may be one animal, and each pair's log(P one / P two)."""
         chain_ends = motion.select_chain_ends(ends, chains)
         start, stop = chain_ends.start, chain_ends.stop
         pairs = successor_pairs(start, stop, segment[[chain[0] for chain in chains]])
@@ -194,7 +193,7 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
 def _describe_tracks(
     evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]
 ) -> list[Floats]:
-    """Return descriptors (k, d) of the looks of each track's animal, in k of its rows.
+    """Return for each track descriptors (k, d) of its animal's looks in k of its rows.
 
     track_rows: the rows of each track, in their order.
     """
@@ -215,8 +214,8 @@ def _number_animals(joins: TrackJoins, row_counts: list[int]) -> NDArray[np.intp
     row_counts: of each track.
     """
     root = np.arange(len(row_counts))  # becomes the first track of each track's animal
-    while (has_before := joins.before[root] >= 0).any():
-        root = np.where(has_before, joins.before[root], root)
+    while (has_earlier := joins.predecessor[root] >= 0).any():
+        root = np.where(has_earlier, joins.predecessor[root], root)
     animal_rows = np.bincount(root, weights=row_counts, minlength=len(row_counts))
     by_size = np.argsort(-animal_rows, kind="stable")
     return np.argsort(by_size)[root]  # the rank of each animal

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite_matching
@@ -21,7 +22,7 @@ Chains = list[list[int]]
 
 
 class TrackPairs(NamedTuple):
-    """Pairs of tracks that may be one animal: numbers a (e,) of earlier, b (e,) of later ones."""
+    """Pairs of tracks by number, a and b (e,) each; where they may be joined, a is the earlier."""
 
     a: Tracks
     b: Tracks
@@ -30,10 +31,10 @@ class TrackPairs(NamedTuple):
 class TrackJoins(NamedTuple):
     """Which track continues which: each track's predecessor, and the probability of that join.
 
-    before (n,): number of the predecessor, −1 for none; probability (n,): 1 where there is none.
+    predecessor (n,): its number, −1 for none; probability (n,): 1 where there is none.
     """
 
-    before: Tracks
+    predecessor: Tracks
     probability: Floats
 
 
@@ -94,15 +95,15 @@ def find_best_joins(
     """
     search = _JoinSearch(pairs, tracks)
     no_join = np.full((2, tracks), np.log(stranger_probability))
-    before = search.find_best(log_ratio, no_join)
+    predecessor = search.find_best(log_ratio, no_join)
     draws_with_join = np.zeros(tracks)
     for _ in range(_DRAWS):
         noise = rng.gumbel(size=(2, len(log_ratio))).mean(0)
         drawn = search.find_best(log_ratio + noise, no_join + rng.gumbel(size=no_join.shape))
-        draws_with_join += before == drawn
-    probability = np.where(before >= 0, draws_with_join / _DRAWS, 1.0)
+        draws_with_join += predecessor == drawn
+    probability = np.where(predecessor >= 0, draws_with_join / _DRAWS, 1.0)
     is_kept = probability >= least_probability
-    return TrackJoins(np.where(is_kept, before, -1), np.where(is_kept, probability, 1.0))
+    return TrackJoins(np.where(is_kept, predecessor, -1), np.where(is_kept, probability, 1.0))
 
 
 def join_in_passes(
@@ -119,29 +120,29 @@ def join_in_passes(
     the log ratio of each; find_joins: returns the best joins of a number of chains, from these
     pairs and ratios.
     """
-    before, probability = np.full(tracks, -1), np.ones(tracks)
+    predecessor, probability = np.full(tracks, -1), np.ones(tracks)
     chains: Chains = [[track] for track in range(tracks)]
     while True:
         joins = find_joins(len(chains), *score_pairs(chains))
-        is_join = joins.before >= 0
+        is_join = joins.predecessor >= 0
         is_sure = is_join & (joins.probability >= sure_probability)
         accepted = is_sure if is_sure.any() else is_join
         first = np.array([chain[0] for chain in chains], np.intp)
         last = np.array([chain[-1] for chain in chains], np.intp)
-        before[first[accepted]] = last[joins.before[accepted]]
+        predecessor[first[accepted]] = last[joins.predecessor[accepted]]
         probability[first[accepted]] = joins.probability[accepted]
         if not is_sure.any():
-            return TrackJoins(before, probability)
-        chains = _chain_tracks(before)
+            return TrackJoins(predecessor, probability)
+        chains = _chain_tracks(predecessor)
 
 
-def _chain_tracks(before: Tracks) -> Chains:
-    """Return chains of joined tracks; before (n,): each track's predecessor, −1 for none."""
-    after = np.full(len(before), -1)
-    after[before[before >= 0]] = np.flatnonzero(before >= 0)
-    chains: Chains = [[int(track)] for track in np.flatnonzero(before < 0)]
+def _chain_tracks(predecessor: Tracks) -> Chains:
+    """Return chains of joined tracks, from each track's predecessor (n,), −1 for none."""
+    successor = np.full(len(predecessor), -1)
+    successor[predecessor[predecessor >= 0]] = np.flatnonzero(predecessor >= 0)
+    chains: Chains = [[int(track)] for track in np.flatnonzero(predecessor < 0)]
     for chain in chains:
-        while (track := int(after[chain[-1]])) >= 0:
+        while (track := int(successor[chain[-1]])) >= 0:
             chain.append(track)
     return chains
 
@@ -171,13 +172,11 @@ class _JoinSearch:
         self._starts, self._tracks = pairs.b, tracks
         links = coo_array((np.ones(len(pairs.a)), pairs), (tracks, tracks))
         component = connected_components(links, directed=False)[1]  # of each track
-        by_component = np.argsort(component, kind="stable")
         size = np.bincount(component)
-        first = np.cumsum(size) - size
-        place = np.empty(tracks, np.intp)  # number of a track within its component
-        place[by_component] = np.arange(tracks) - np.repeat(first, size)
-        # Entries of the matrices: a join of each pair, and for each track an end without a join;
-        # sorted by component, row and column.
+        place = pd.Series(component).groupby(component).cumcount().to_numpy()  # in its component
+        members = np.split(np.argsort(component, kind="stable"), np.cumsum(size)[:-1])
+        # Entries of the matrices, in rows of ends and columns of starts: a join of each pair, and
+        # for each track an end without a join; sorted by component, row and column.
         end = np.append(pairs.a, np.arange(tracks))
         column = np.append(place[pairs.b], size[component] + place)
         self._order = np.lexsort((column, place[end], component[end]))
@@ -185,11 +184,11 @@ class _JoinSearch:
         bounds = np.searchsorted(component[end], np.arange(len(size) + 1))
         self._components = [
             _Component(
-                by_component[start : start + m], slice(low, high), column[low:high],
-                np.searchsorted(place[end[low:high]], np.arange(m + 1)),
+                own, slice(low, high), column[low:high],
+                np.searchsorted(place[end[low:high]], np.arange(len(own) + 1)),
             )
-            for start, m, low, high in zip(first, size, bounds[:-1], bounds[1:], strict=True)
-            if m > 1
+            for own, low, high in zip(members, bounds[:-1], bounds[1:], strict=True)
+            if len(own) > 1
         ]  # fmt: skip
 
     def find_best(self, score: Floats, alone: Floats) -> Tracks:
@@ -203,11 +202,11 @@ class _JoinSearch:
         weight = np.append(score - alone[1, self._starts], alone[0])[self._order]
         # The solver wants costs above 0. Every end has one entry: a constant changes no assignment.
         cost = weight.max() + 1 - weight
-        before = np.full(self._tracks, -1)
+        predecessor = np.full(self._tracks, -1)
         for tracks, entries, columns, row_starts in self._components:
             m = len(tracks)
             graph = csr_array((cost[entries], columns, row_starts), (m, 2 * m))
             ends, starts = min_weight_full_bipartite_matching(graph)
             is_join = starts < m
-            before[tracks[starts[is_join]]] = tracks[ends[is_join]]
-        return before
+            predecessor[tracks[starts[is_join]]] = tracks[ends[is_join]]
+        return predecessor

@@ -59,7 +59,7 @@ def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps
 
 
 def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
-    """Return where chains of tracks begin and end: start of the first track, end of the last.
+    """Return where chains begin and end: as their first track begins, and their last one ends.
 
     tracks: where each track begins and ends; chains: numbers of tracks.
     """
@@ -91,13 +91,13 @@ class GapDrift:
     velocity_frames: int  # before and after a gap, over which a velocity is measured
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
-        """Return log(probability of one animal / of two), (e,), for tracks before and after gaps.
+        """Return log(P of one animal / P of two), (e,), for tracks before and after e gaps.
 
         gap_frames (e,): lengths; distance (e,): d between the two predicted places, body lengths.
-        The result is log((1 − ε) A m² / (π (m² + d²)²) + ε), with the median m of d for such a gap,
-        the tank's area A, and ε for animals that may be anywhere; the fraction is limited. The
-        density is Student's t in the plane, with two degrees of freedom: most animals swim on, some
-        dart.
+        The result is log((1 − ε) A m² / (π (m² + d²)²) + ε); the fraction is limited. m is the
+        median of d for such a gap, A the tank's area, ε the share of animals that may be anywhere.
+        The density is Student's t in the plane, with two degrees of freedom: most animals swim on,
+        some dart.
         """
         median = np.maximum(np.interp(gap_frames, self.gaps, self.mismatch), _LEAST_MISMATCH)
         density = median**2 / (np.pi * (median**2 + distance**2) ** 2)
@@ -112,11 +112,10 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
     measured over the number of frames that gives the least mismatch: over less than a tail beat it
     may point aside. In a film of short tracks an animal may be anywhere after any gap.
     """
-    # The tank's area, without the outermost hundredths of all places; then the radius of a circle
-    # of that area.
+    # The tank's area, without the outermost hundredths of all places.
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
-    anywhere = float(np.sqrt(tank / np.pi))
+    anywhere = float(np.sqrt(tank / np.pi))  # mismatch of an animal anywhere: the tank's radius
     # By the number of frames that measure a velocity: the results for gaps of 1, 2, 4 … frames.
     mismatches, shares = dict[int, list[float]](), dict[int, list[float]]()
     for frames in _VELOCITY_FRAMES:
@@ -179,7 +178,7 @@ def _measure_mismatches(
 
 
 def motion_log_ratios(ends: TrackEnds, drift: GapDrift, pairs: TrackPairs) -> Floats:
-    """Return for each pair of tracks log(probability of one animal / of two) by motion, (e,).
+    """Return log(P of one animal / P of two) by motion, for each of e pairs of tracks, (e,).
 
     In a pair, track b begins after a has ended. The place half way between is predicted from both
     sides, from the end of a and from the start of b.

@@ -14,7 +14,7 @@ from finloop.base.cutout import Cutouts
 from finloop.base.schema import lists_to_points
 from finloop.base.stretches import spread_rows
 from finloop.features.area import closed_spline_points, control_points
-from finloop.features.head import begins_at_tail
+from finloop.features.head import turn_head_first
 from finloop.features.metrics import rows_of_longest_track
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import count_orientations, orientation_heading_deg
@@ -115,9 +115,7 @@ def read_specimens(
 
     table, tracks: the feature table and the tracks, which have the same rows. cutouts: by row.
     """
-    backbones = lists_to_points(tracks, "backbone")  # they may begin at either end
-    tail_first = begins_at_tail(backbones, table)[:, None, None]
-    backbones = np.where(tail_first, backbones[:, ::-1], backbones)
+    backbones = turn_head_first(lists_to_points(tracks, "backbone"), table)
     for row in rows.tolist():
         cutout = cutouts[row]
         film = cutout.blend_over(background)

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Mask, Picture
-from finloop.clip.check import BLACK, WHITE, to_grey
+from finloop.clip.check import BLACK, WHITE
 from finloop.clip.light import smooth_light
-from finloop.clip.shake import find_landmarks
+from finloop.clip.shake import find_landmarks, to_grey
 from finloop.extract.background import Scene
 from finloop.extract.samples import TypicalFish
 from finloop.extract.segment import Edge, Silhouette

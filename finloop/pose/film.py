@@ -10,7 +10,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Reals
 from finloop.base.schema import ANY, Column, Schema, lists_to_points
 from finloop.distance.picture import typical_lengths_px
-from finloop.features.head import begins_at_tail
+from finloop.features.head import turn_head_first
 from finloop.features.memory import measure_memory_frames
 from finloop.pose.settings import PoseSettings
 from finloop.puppet.pose import Pose, poses_from_features
@@ -91,8 +91,7 @@ def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSett
     tracks: columns `USED`; features: columns of `FEATURES`, the same rows. FinloopError if the film
     has fewer than two rows.
     """
-    lines = lists_to_points(tracks, "backbone").astype(float)
-    lines = np.where(begins_at_tail(lines, features)[:, None, None], lines[:, ::-1], lines)
+    lines = turn_head_first(lists_to_points(tracks, "backbone").astype(float), features)
     spread = visible_tail_spread(tracks, lines, p.tail_width_ratio)
     separate = p.separate_tail == "yes" or (p.separate_tail == "auto" and spread > p.tail_spread)
     if separate:
@@ -142,10 +141,9 @@ def _build_poses(
     """
     whole = replace(shapes, codes=np.concatenate([codes, codes @ shapes.mirror_matrix]))
     pose = Pose(
-        features["x_px"].to_numpy(float),
-        features["y_px"].to_numpy(float),
+        features["x_px"].to_numpy(float), features["y_px"].to_numpy(float),
         heading_rad=np.radians(features["heading_deg"].to_numpy(float)),
         size_px=typical_lengths_px(features).to_numpy(float),
         posture=whole.decode(codes) if posture is None else posture,
-    )
+    )  # fmt: skip
     return FilmPoses(pose, codes, whole, trunk, tail_spread, memory_frames)

@@ -15,19 +15,14 @@ Premultiplied = NDArray[np.float32]
 
 
 def draw_in_pose(
-    cutout: Cutout,
-    pose: Pose,
-    target: Pose,
-    size: tuple[int, int],
-    *,
-    mirrored: bool = False,
+    cutout: Cutout, pose: Pose, target: Pose, size: tuple[int, int], *, mirrored: bool = False,
     sharp: bool = True,
-) -> Premultiplied:
+) -> Premultiplied:  # fmt: skip
     """Return a cut-out drawn in another pose: (height, width, c), premultiplied, 0 … 1.
 
-    pose: of the cut-out (pixels with alpha), px of the film; target: px of the new picture; size:
-    its height and width, px; mirrored: whether the animal's left is drawn as its right (`target` is
-    as visible, not mirrored); sharp: Keys' cubic filter, else a linear one.
+    pose: of the cut-out (pixels with alpha), px of the film; target: the pose as it is seen in the
+    new picture, px of that; size: its height and width, px; mirrored: whether the animal's left is
+    drawn as its right; sharp: Keys' cubic filter, else a linear one.
     Drawn in its own pose at its own place it is the frame itself.
     """
     source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
@@ -43,13 +38,9 @@ class PosedPicture:
     """
 
     def __init__(
-        self,
-        pixels: Picture,
-        source: PlacedBackbone,
-        target: PlacedBackbone,
-        mirrored: bool,
+        self, pixels: Picture, source: PlacedBackbone, target: PlacedBackbone, mirrored: bool,
         sharp: bool = True,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Prepare to draw a picture (h, w, c), 0 … 255, premultiplied, in another pose.
 
         source, target: the animal's backbone in it and in the new picture; mirrored: whether the

@@ -176,13 +176,9 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
 def _section_at(strip, i):  # type: ignore[no-untyped-def]
     """Return cross-section i of a `Strip` as a `Section`."""
     return Section(
-        strip.points[i, 0],
-        strip.points[i, 1],
-        strip.normals[i, 0],
-        strip.normals[i, 1],
-        strip.limits[i, 0],
-        strip.limits[i, 1],
-    )
+        strip.points[i, 0], strip.points[i, 1], strip.normals[i, 0], strip.normals[i, 1],
+        strip.limits[i, 0], strip.limits[i, 1],
+    )  # fmt: skip
 
 
 @finite_leaf
@@ -192,7 +188,8 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
     front, rear: the sections that bound a step, the front one nearer to the head. Bounds are
     ±HIDDEN where a section is parallel to the row.
     """
-    # Whether the step begins or ends where the row crosses a section depends on the section's side.
+    # Between the sections, (x − front.x) · front.ny ≥ (y − front.y) · front.nx, and ≤ for the rear:
+    # the sign of ny decides whether the row enters or leaves the step where it crosses a section.
     start, stop = -HIDDEN, HIDDEN
     if abs(front.ny) > 1e-9:
         x_of_section = front.x + (y - front.y) * front.nx / front.ny
@@ -221,17 +218,13 @@ def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyp
     left, right = layout.reach[i, 0], layout.reach[i, 1]
     # The four corners of the step: left and right of its front and rear.
     corners_x = (
-        front.x + left * front.nx,
-        front.x - right * front.nx,
-        rear.x + left * rear.nx,
-        rear.x - right * rear.nx,
-    )
+        front.x + left * front.nx, front.x - right * front.nx,
+        rear.x + left * rear.nx, rear.x - right * rear.nx,
+    )  # fmt: skip
     corners_y = (
-        front.y + left * front.ny,
-        front.y - right * front.ny,
-        rear.y + left * rear.ny,
-        rear.y - right * rear.ny,
-    )
+        front.y + left * front.ny, front.y - right * front.ny,
+        rear.y + left * rear.ny, rear.y - right * rear.ny,
+    )  # fmt: skip
     # The rows and columns that they span, as far as the canvas shows them.
     top_px, left_px = corner
     low_x, high_x = max(min(corners_x), left_px), min(max(corners_x), left_px + width - 1.0)

@@ -121,7 +121,8 @@ def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     heading = np.radians(features["heading_deg"].to_numpy(float))
     size = typical_lengths_px(features).to_numpy(float)
     angles = np.arctan2(-headward_steps[..., 1], headward_steps[..., 0]) - heading[:, None]
-    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the other angles continue from the head
+    # The first angle is wrapped to ±π; the others follow it without jumps of 2π.
+    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))
     length = np.hypot(headward_steps[..., 0], headward_steps[..., 1]) / size[:, None]
     head = to_body_axes((lines[:, 0] - np.stack([x, y], -1)) / size[:, None], heading)
     posture = np.concatenate([head, np.unwrap(angles, axis=1), length], 1)

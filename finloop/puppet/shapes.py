@@ -80,13 +80,7 @@ class PoseShapes:
         nearest = scipy.spatial.cKDTree(codes).query(sample, k=2)[0][:, 1]
         gap = float(np.quantile(nearest, gap_quantile))
         return cls(
-            mean,
-            shapes=shapes[:shape_count],
-            weights=weights,
-            variance=variance[:shape_count],
-            total_variance=total_variance,
-            codes=codes,
-            gap=gap,
+            mean, shapes[:shape_count], weights, variance[:shape_count], total_variance, codes, gap
         )
 
     @property

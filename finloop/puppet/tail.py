@@ -31,7 +31,7 @@ class TailParameters(NamedTuple):
 
 
 def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
-    """Return how much the visible length of the tail varies: its 95 % less its 5 % quantile.
+    """Return how much the visible length of the tail varies: its 95 % minus its 5 % quantile.
 
     The unit is the median length of the body without the tail. tracks: half_width_px and backbone
     of k rows; backbones: (k, n, 2) px, head first; thin: the body ends where its width falls to

@@ -52,6 +52,11 @@ class Scores(NamedTuple):
     block: Ints
     cluster: Ints
 
+    @property
+    def pair_count(self) -> int:
+        """Return the number of pairs of a film window and an animation window."""
+        return int(self.animation.sum()) * int((~self.animation).sum())
+
     def split_by_block(self) -> Iterator["Scores"]:
         """Yield the scores, without NaN, of each block with both film and animation windows."""
         for number in np.unique(self.block):
@@ -69,22 +74,13 @@ def compute_auc(scores: Scores) -> Auc:
     cluster are summed before they are squared, as they are not independent. At least one block must
     contain both film and animation windows.
     """
-    areas, pairs, deviations = [], [], []
-    for block in scores.split_by_block():
-        film, animation = block.score[~block.animation], block.score[block.animation]
-        # DeLong's components: of each window's pairs, the share with the animation's score above.
-        above_share = np.empty(len(block.score))
-        above_share[block.animation] = _share_below(animation, film)
-        above_share[~block.animation] = 1.0 - _share_below(film, animation)
-        area = float(above_share[block.animation].mean())
-        count = np.where(block.animation, len(animation), len(film))
-        areas.append(area)
-        pairs.append(len(film) * len(animation))
-        deviations.append(pd.Series((above_share - area) / count).groupby(block.cluster).sum())
-    # The mean area, and its standard error from the sums of the clusters.
-    weights = np.array(pairs) / sum(pairs)
+    blocks = list(scores.split_by_block())
+    areas, deviations = zip(*map(_measure_area, blocks), strict=True)
+    pairs = np.array([block.pair_count for block in blocks])
+    weights = pairs / pairs.sum()
     value = float(weights @ areas)
-    weighted = [weight * sums for weight, sums in zip(weights, deviations, strict=True)]
+    # The standard error, from the sums of the clusters over all blocks.
+    weighted = [weight * by_cluster for weight, by_cluster in zip(weights, deviations, strict=True)]
     sums = pd.concat(weighted).groupby(level=0).sum().to_numpy()
     # Where every two blocks test each other's classifier, the variance is larger: inflation.
     clusters, inflation = max(len(sums), 2), _INFLATION if len(areas) > 1 else 1.0
@@ -95,6 +91,21 @@ def compute_auc(scores: Scores) -> Auc:
     ends = scipy.special.logit(value) + np.array([-half_width, half_width])
     low, high = scipy.special.expit(ends)
     return Auc(value, float(low), float(high))
+
+
+def _measure_area(block: Scores) -> tuple[float, pd.Series]:
+    """Return a block's area under the ROC curve, and its windows' deviations, summed by cluster.
+
+    A window's deviation is DeLong's component minus the area, divided by the number of windows of
+    its kind. The component is the share of the window's pairs in which the animation scores higher.
+    """
+    film, animation = block.score[~block.animation], block.score[block.animation]
+    above_share = np.empty(len(block.score))
+    above_share[block.animation] = _share_below(animation, film)
+    above_share[~block.animation] = 1.0 - _share_below(film, animation)
+    area = float(above_share[block.animation].mean())
+    count = np.where(block.animation, len(animation), len(film))
+    return area, pd.Series((above_share - area) / count).groupby(block.cluster).sum()
 
 
 def _share_below(values: Floats, others: Floats) -> Floats:
@@ -111,13 +122,12 @@ def compute_roc(scores: Scores, points: int = 51) -> pd.DataFrame:
     false_alarms, the share of film windows classified as animation; hits, the share of animation
     windows recognised. At least one block must contain both kinds of windows.
     """
-    alarms = np.linspace(0, 1, points)
-    curves, pairs = [], []
-    for block in scores.split_by_block():
+    alarms, blocks, curves = np.linspace(0, 1, points), list(scores.split_by_block()), []
+    for block in blocks:
         film, animation = np.sort(block.score[~block.animation]), block.score[block.animation]
         thresholds = np.unique(block.score)[::-1]
         alarm_share = 1 - np.searchsorted(film, thresholds, "left") / len(film)
         hit_share = 1 - np.searchsorted(np.sort(animation), thresholds, "left") / len(animation)
         curves.append(np.interp(alarms, np.r_[0, alarm_share], np.r_[0, hit_share]))
-        pairs.append(len(film) * len(animation))
+    pairs = [block.pair_count for block in blocks]
     return pd.DataFrame({"false_alarms": alarms, "hits": np.average(curves, 0, weights=pairs)})

@@ -22,9 +22,9 @@ from finloop.realism.windows import (
     TickBlocks,
     WindowCut,
     Windows,
-    cut_in_frames,
     cut_windows,
     equal_blocks,
+    window_cut_from_deltas,
 )  # fmt: skip
 
 Sides = dict[str, tuple[Windows, Windows]]
@@ -54,7 +54,7 @@ class FilmSample:
     def window_cut(self) -> WindowCut:
         """Return the length, stride and step of the windows, in frames."""
         p = self.p
-        return cut_in_frames(p.window_deltas, p.stride, p.step, self.delta)
+        return window_cut_from_deltas(p.window_deltas, p.stride, p.step, self.delta)
 
     def cut_windows(self, swimming: Swimming, blocks: Blocks, used: Mask | None = None) -> Windows:
         """Return windows of film or animation, each assigned to a block of time.
@@ -99,12 +99,13 @@ class FilmSample:
     def half_windows(self) -> tuple[Windows, Windows]:
         """Return the windows of the film's first half and those of its second half.
 
-        Each half is divided into the same number of blocks. The halves are halves of time, which
+        Each half is divided into blocks with the same numbers. The halves are halves of time, which
         show the same fish, as an animation does. From halves by tracks, a classifier would learn to
         distinguish the fish.
         """
         film, blocks = self.film, self.film_blocks(repeats=2)
-        middle_s = blocks.edges[self.p.cross_validation_folds]  # where the blocks begin again
+        # Where the numbers of the blocks begin again.
+        middle_s = blocks.edges[self.p.cross_validation_folds]
         early = self.frame_s[film.row] < middle_s
         return self.cut_windows(film, blocks, early), self.cut_windows(film, blocks, ~early)
 
@@ -128,7 +129,7 @@ class FilmSample:
 def build_film_sample(
     film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings
 ) -> FilmSample:
-    """Return a `FilmSample`: what every comparison of an animation with a film needs of the film.
+    """Return what every comparison of an animation with the film needs to know of the film.
 
     film: drawn and measured again. features: columns of `FEATURES`, of the whole film. rate_hz:
     frames per second.

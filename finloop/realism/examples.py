@@ -150,13 +150,13 @@ class CameraView(NamedTuple):
 def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
     """Return the view of the tank for each side of an example, animation and film, by its name.
 
-    Each shows the whole path of its fish, and both as many body lengths. example: rows of
-    `EXAMPLES`; length_px: body length as filmed.
+    Each shows the whole path of its fish, and both are equally wide in body lengths of their fish.
+    example: rows of `EXAMPLES`; length_px: body length as filmed.
     """
     sides = example.groupby("side")
     low, high = sides[["x_px", "y_px"]].min(), sides[["x_px", "y_px"]].max()
     scale = sides["scale"].median()  # drawn size / filmed size
-    path_sizes = np.hypot(*(high - low).to_numpy().T) / scale.to_numpy()
+    path_sizes = np.hypot(*(high - low).to_numpy().T) / scale.to_numpy()  # for fish as filmed
     width = float(path_sizes.max()) + _AROUND_BL * length_px
     start_deg, middle = sides["start_deg"].first(), (low + high) / 2
     return {

@@ -188,8 +188,9 @@ def join_measurements(
 def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
     """Return random stretches of the film as edit lists, so that they are drawn like animations.
 
-    tracks: track_id, x_px, y_px of every row. longest: ticks of a list, about. most: rows in all
-    lists together. The cuts of a list are the ticks at which its second and later stretches begin.
+    tracks: track_id, x_px, y_px of every row. longest: most ticks of a stretch; stretches are put
+    into a list until it has as many or more. most: about how many ticks all lists have together.
+    The cuts of a list are the ticks at which its second and later stretches begin.
     """
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []

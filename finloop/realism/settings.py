@@ -25,10 +25,7 @@ class RealismSettings:
     bins: ClassVar[int] = 32  # quantiles of a channel; a few hundred windows fill these
     slower: ClassVar[int] = 4  # times; so the film of examples can be followed by eye
     RENAMED: ClassVar = {
-        "window": "window_deltas",
-        "stride": "window_deltas",
-        "gap": "window_deltas",
-        "cluster": "window_deltas",
+        **dict.fromkeys(("window", "stride", "gap", "cluster"), "window_deltas"),
         "blocks": "cross_validation_folds",
         "rounds": "classifier_trees",
     }

@@ -66,10 +66,7 @@ class Blocks(NamedTuple):
         return self.number[np.clip(stretch, 0, len(self.number) - 1)]
 
     def are_near(self, time_s: Floats, gap_s: float) -> Mask:
-        """Return which of n times lie in each block, or within a gap of it: (n, blocks).
-
-        time_s (n,), gap_s: in s.
-        """
+        """Return which of n times lie in each block, or within a gap of it: (n, blocks)."""
         near = np.zeros((len(time_s), int(self.number.max()) + 1), bool)
         for number, low, high in zip(self.number, self.edges, self.edges[1:], strict=False):
             near[:, number] |= (time_s > low - gap_s) & (time_s < high + gap_s)
@@ -98,7 +95,7 @@ class WindowCut(NamedTuple):
     step: int
 
 
-def cut_in_frames(
+def window_cut_from_deltas(
     window_deltas: float, stride_deltas: float, step_deltas: float, delta: int
 ) -> WindowCut:
     """Return window, stride and step in frames, converted from units of the time Δ.

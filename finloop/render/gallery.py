@@ -33,9 +33,9 @@ _COLUMNS = [
 
 
 class CutoutSet(NamedTuple):
-    """All cut-outs of one kind: of n frames, or of n sprites in `orientations` orientations each.
+    """All cut-outs of one kind: n frames, or n sprites, each in `orientations` orientations.
 
-    centres_px (n, 2): their mass centres in the film.
+    centres_px (n, 2): the mass centres of the n frames or sprites in the film.
     """
 
     store: Cutouts
@@ -84,7 +84,8 @@ class Gallery:
         """Return a frame, or a sprite in an orientation, turned and scaled as it is drawn.
 
         kind: FRAME or SPRITE; source: film row, or number of the sprite; orientation: of a sprite;
-        rotation_deg: anticlockwise; mirrored: whether a frame is reflected about its heading.
+        rotation_deg: anticlockwise; mirrored: whether a frame is reflected about its heading;
+        sprites are stored as they are shown.
         """
         if kind != FRAME:
             return TurnedPicture(
@@ -97,7 +98,7 @@ class Gallery:
         return TurnedPicture(self.film_picture(source, mirrored), rotation_deg, scale)
 
     def place_row(self, row: Any) -> PlacedFish:
-        """Return the fish that a row (named tuple) of an edit list draws, and its cross-fade."""
+        """Return the fish that a row of an edit list, a named tuple, draws, with its cross-fade."""
         has_partner = row.weight > 0
         pictures = [row_picture(row), row_partner(row)] if has_partner else [row_picture(row)]
         drawn: list[TurnedPicture] | list[BentPicture]
@@ -109,10 +110,10 @@ class Gallery:
         return PlacedFish(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
     def _pictures_to_bend(self, pictures: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
-        """Return film pictures with the pose they are to be bent into, the same for all.
+        """Return film pictures (one, or two to cross-fade) that are to be bent into one pose.
 
-        codes (c,): that pose, by its principal-component scores; heading and size are those of the
-        first picture. Mirrored pictures are mirrored first, then bent.
+        codes (c,): that pose, by its principal-component scores; all are drawn with the heading and
+        size of the first picture. Mirrored pictures are mirrored first, then bent.
         """
         assert self.bodies is not None
         bodies = [self.bodies.body_in_edit_row(picture) for picture in pictures]
@@ -231,10 +232,11 @@ def _find_bad_pictures(
     edit: pd.DataFrame, prefix: str, source_column: str, used: Mask,
     cutout_sets: Mapping[str, CutoutSet],
 ) -> Iterator[_ColumnCheck]:  # fmt: skip
-    """Yield the checks of which picture an edit list's rows show, and at which size and angle.
+    """Yield the checks of an edit list's pictures: kind, number, orientation, size and angle.
 
-    prefix: of the names of the picture's columns, but for that of its number, `source_column`; used
-    (n,): the rows that show such a picture; cutout_sets: the pictures that exist, by kind.
+    prefix, source_column: "" and "source" for the columns of the main picture, "partner_" and
+    "partner" for the one to cross-fade with; used (n,): the rows that show such a picture;
+    cutout_sets: the pictures that exist, by kind.
     """
     kind, number = edit[f"{prefix}kind"], edit[source_column].fillna(-1).to_numpy(int)
     sizes = {name: len(cutout_set.centres_px) for name, cutout_set in cutout_sets.items()}
@@ -256,7 +258,7 @@ def _find_bad_pictures(
 
 
 def _find_bad_poses(edit: pd.DataFrame, bodies: Bodies | None) -> _ColumnCheck:
-    """Return the check of an edit list's poses: none, or as many codes as `bodies` have."""
+    """Return the check of an edit list's poses: None, or as many finite codes as `bodies` have."""
     code_count = 0 if bodies is None else bodies.poses.codes.shape[1]
     fits = [
         pose is None

@@ -40,10 +40,10 @@ _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """Return the name of what each tick of an edit list shows, (ticks,), and each name's colour.
+    """Return the name of what each row of an edit list shows, (rows,), and each name's colour.
 
-    Names are kinds of picture ("film", "sprite", …); if all ticks show the same kind, they are the
-    states of swimming. Colours are "#RRGGBB".
+    Names are kinds of picture ("film", "sprite", …), or the states of swimming if all rows show the
+    same kind. Colours are "#RRGGBB".
     """
     names = picture_kinds(edit)
     names = names if names.nunique() > 1 else edit["state"]
@@ -71,7 +71,7 @@ def goal_stretches(edit: pd.DataFrame) -> list[GoalStretch]:
 
 
 def ticks_with_goal(edit: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return a mask (ticks,) of the ticks that lead to a goal; all True if none does."""
+    """Return a mask (rows,) of an edit list's rows that lead to a goal; all True if none does."""
     has_goal = (edit["goal"] != "").to_numpy()
     return has_goal if has_goal.any() else ~has_goal
 
@@ -242,7 +242,7 @@ class MarkPainter:
         return int(cv2.getTextSize(picture_size, text, (0, 0), _FONT, self._size, _BOLD)[2])
 
     def _mark_floor_changed(self, points: NDArray[np.float64], reach: float) -> None:
-        """Tell the painter that the floor changed within `reach` px of points (n, 2)."""
+        """Tell the painter that the floor changed in the box of points (n, 2), `reach` px wider."""
         left, top = np.floor(points.min(axis=0) - reach).astype(int)
         right, bottom = np.ceil(points.max(axis=0) + reach).astype(int) + 1
         box = Box(int(top), int(left), int(bottom), int(right))
@@ -268,10 +268,11 @@ def _subpixel_point(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, 
 def _find_free_corner(
     places: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int], gap: int
 ) -> Box:
-    """Return the box in that corner of a picture where the caption is least often near the fish.
+    """Return the box for a caption, in the corner of a picture that fish are least often near.
 
     places (n, 2): of the fish, px; size: width and height of the caption; shape: height and width
-    of the picture; gap: from caption to edge; all px.
+    of the picture; gap: from caption to edge; all px. Of equal corners the first counts: upper
+    left, upper right, lower left, lower right.
     """
     width, height = size
     reach = np.array(size) / 2 + 2 * height  # near: within two heights around the plate

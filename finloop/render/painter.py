@@ -247,7 +247,7 @@ class Painter:
     def show(self, *fish: PlacedFish) -> Box:
         """Draw fish on the clean floor, in the order given; return the box that they cover.
 
-        fish: from the lowest to the highest; each casts its shadow on those below.
+        fish: one or more, from the lowest to the highest; each casts its shadow on those below.
         """
         self.wipe()
         boxes: list[Box] = []
@@ -279,9 +279,9 @@ class Painter:
         self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 
     def _coverage(self, fish: PlacedFish, box: Box) -> NDArray[np.float32]:
-        """Return which share (0-1) of each pixel of a box a fish covers, (h, w)."""
+        """Return the share (0-1) of each pixel of a box that a fish covers, (h, w)."""
         shape = box.bottom - box.top, box.right - box.left, self.canvas.shape[2]
-        # What differs between a drawing on black and one on white is seen through the fish.
+        # By as much as drawings on black and on white differ, the floor is seen through the fish.
         black, white = (Painter(np.full(shape, level, np.uint8)) for level in (0, 255))
         moved = fish._replace(x_px=fish.x_px - box.left, y_px=fish.y_px - box.top)
         for painter in (black, white):
@@ -300,7 +300,7 @@ class Painter:
         canvas grey, or the kinds of picture differ.
         """
         other, share = (partner, weight) if partner is not None else (fish, 0.0)
-        channels = max(picture.picture.pixels.shape[2] for picture in (fish, other))
+        channels = max(drawn.picture.pixels.shape[2] for drawn in (fish, other))
         if channels > self.canvas.shape[2] + 1:
             raise ValueError("a coloured fish needs a coloured canvas")
         if isinstance(fish, BentPicture) and isinstance(other, BentPicture):

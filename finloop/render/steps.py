@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.stretches import spread_rows
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Box, Painter, TurnedPicture
 
@@ -54,17 +55,15 @@ def film_frame_changes(
     """
     track, frame = tracks["track_id"].to_numpy(), tracks["frame"].to_numpy()
     has_next = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))
-    count = min(most, len(has_next))
-    chosen = has_next[np.unique(np.linspace(0, len(has_next) - 1, count).astype(int))]
     places = tracks[["x_px", "y_px"]].to_numpy(float)
     changes = []
-    for first in chosen:
+    for first in spread_rows(has_next, most):
         meter = FrameChangeMeter(painter)
         for row in (first, first + 1):
             x, y = places[row]
             painter.wipe()
             box = painter.draw(x, y, TurnedPicture(gallery.film_picture(int(row))))
-            change = meter.measure_change(box)
+            change = meter.measure_change(box)  # NaN for the first of the two
         changes.append(change)
     painter.wipe()
     return np.array(changes)

@@ -11,7 +11,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK
 from finloop.base.schema import lists_to_points
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.head import begins_at_tail
+from finloop.features.head import turn_head_first
 from finloop.features.line import track_as_path
 from finloop.features.table import FEATURES
 from finloop.io.poses import load_poses
@@ -81,9 +81,9 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
     names = [str(track_id) for track_id in counts.index]
     number = choose_animal(p.animal, names, counts.to_numpy())
     rows = np.flatnonzero((features["track_id"] == counts.index[number]).to_numpy())
-    backbones = lists_to_points(tracks.iloc[rows], "backbone").astype(float)
-    tail_first = begins_at_tail(backbones, features.iloc[rows])
-    backbones = np.where(tail_first[:, None, None], backbones[:, ::-1], backbones)
+    backbones = turn_head_first(
+        lists_to_points(tracks.iloc[rows], "backbone").astype(float), features.iloc[rows]
+    )
     frame = features["frame"].to_numpy(np.int64)[rows]
     name = f"track {features['track_id'].iloc[rows[0]]} of {folder}"
     return track_from_backbones(name, rate, frame, backbones, steps)

@@ -69,7 +69,7 @@ class SocialSteps:
     def draw_similar_steps(
         self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
-        """Return, for m fish, the film's steps that began most as theirs do, in random order.
+        """Return, for m fish, the film's steps that began most like theirs, in random order.
 
         Mirror images of steps count, too. The results, moves in body lengths and turns, are (m,
         alike), complex; fewer if the film has fewer steps. wall, last (m,): the fish's vector from
@@ -77,7 +77,7 @@ class SocialSteps:
         heading: ahead is real, left is imaginary.
         """
         count = min(alike, 2 * len(self.move))  # steps and their mirror images
-        ranks = [*range(1, count + 1)]  # a list, so that even one step has an axis of its own
+        ranks = [*range(1, count + 1)]  # given as a list, even one step has an axis of its own
         _distances, nearest = self._tree.query(self._search_vectors(wall, last), k=ranks)
         chosen = rng.permuted(nearest, axis=-1)
         # As in the tree, the mirror images follow all steps.
@@ -120,7 +120,7 @@ class SocialSteps:
 
 @dataclass(frozen=True)
 class SchoolRule:
-    """How fish of a school swim: by steps of the film's fish, changed by the pull of the others.
+    """How fish swim in a school: by steps of the film's fish, changed by the others' pull.
 
     horizon: ticks that a step lasts; alike: number of similar steps from which one is drawn.
     """
@@ -167,10 +167,10 @@ def next_place_in_school(
 ) -> tuple[float, float] | None:  # fmt: skip
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
-    Steps of the film that began alike are drawn, and the pull of the other fish is added to each.
-    The place is the first end that lies in the tank. If all lie outside, it is the last, and the
-    caller must move it into the tank. shoaling: the zones and steps of the school; walls: of the
-    tank; rng: source of chance.
+    Steps of the film that began alike are drawn in random order, and the pull of the other fish is
+    added to each. The place is the first of their ends that lies in the tank. If all lie outside,
+    it is the last, and the caller must move it into the tank. shoaling: the zones and steps of the
+    school; walls: of the tank; rng: source of chance.
     """
     place, heading = complex_vectors(
         np.array([[fish.x, fish.y]]), np.array([fish.heading_deg]), walls.length

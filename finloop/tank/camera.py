@@ -15,6 +15,7 @@ TOP, SIDE, CORNER, FOLLOW, ORBIT, TOUR = "top", "side", "corner", "follow", "orb
 PRESETS = (TOP, SIDE, CORNER, FOLLOW)
 CAMERAS = (*PRESETS, ORBIT, TOUR)
 VIEW_DEG = 32.0  # vertical field of view
+GLASS_PER_DEPTH = 1.08  # height of the glass, in depths of the water
 _TURN_S = 40.0  # an orbit
 _FILLS = 0.94  # how much of the picture the tank fills at most
 _SMOOTHING_S = 0.8  # by which a camera that follows smooths the path of the fish
@@ -25,7 +26,7 @@ _BLEND_S = 2.0  # from one scene of a tour to the next
 class CameraViews(NamedTuple):
     """A camera at every tick: its place and the point that it looks at, both (ticks, 3) px.
 
-    half_height_px: of what a parallel view shows; None where the view is perspective.
+    half_height_px: half the height of what a parallel view shows; None: the view is perspective.
     """
 
     place: Floats
@@ -44,6 +45,13 @@ class TankSize(NamedTuple):
     depth: float
     body_length: float
     aspect: float = 16 / 9
+
+    @property
+    def corners(self) -> Floats:
+        """Return the four corners of the film on the floor, (4, 2) px, anticlockwise, y up."""
+        left, top = -0.5, 0.5  # the film's first pixel has its centre at 0, 0
+        right, bottom = left + self.width, top - self.height
+        return np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
 
     @property
     def middle(self) -> Floats:
@@ -83,19 +91,18 @@ def _view_from_outside(tank: TankSize, azimuth_deg: Floats, elevation_deg: float
     azimuth_deg (ticks,), elevation_deg: direction from the tank to the camera, anticlockwise from
     x, and above the floor.
     """
-    # The camera's axes: ahead to the tank, right, and up, (ticks, 3) each.
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
-    east, north, zero = np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))
-    level, rise = np.cos(elevation), zero + np.sin(elevation)
-    ahead = -np.stack([east * level, north * level, rise], -1)
-    right = np.stack([-north, east, zero], -1)
+    x, y, zero = np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))
+    # The camera's axes: ahead to the tank, right, and up, (ticks, 3) each.
+    ahead = -np.stack([x * np.cos(elevation), y * np.cos(elevation), zero + np.sin(elevation)], -1)
+    right = np.stack([-y, x, zero], -1)
     up = np.cross(right, ahead)
     # The 8 corners of the tank about its middle, along these axes: (ticks, 8) each.
     units = np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5]), -1).reshape(-1, 3)
     corners = units * (tank.width, tank.height, tank.depth)
     across, high, deep = (axis @ corners.T for axis in (right, up, ahead))
-    # The distance at which all corners are in the picture, and by how much the aim is above the
-    # tank's middle: after four rounds there is nearly as much space above the tank as below it.
+    # The distance at which all corners are in the picture, and how much higher than the tank's
+    # middle the aim is (lift): after four rounds the spaces above and below are nearly equal.
     half_picture = np.tan(np.radians(VIEW_DEG / 2)) * _FILLS  # its half height at distance 1
     lift = np.zeros((len(azimuth), 1))
     for _ in range(4):
@@ -140,7 +147,7 @@ def _view_touring(tank: TankSize, fish: Floats, heading: Floats, rate_hz: float)
 
     fish (ticks, 3), heading (ticks,): the fish's place and direction, px and rad; rate_hz: ticks/s.
     """
-    # Which scene is shown at each tick, (ticks,), and its share, (ticks, 1), as it is blended in.
+    # For each tick: the number of its scene, and its share (ticks, 1), as it is blended in.
     ticks = np.arange(len(fish))
     time_s, ends_s = ticks / rate_hz, np.cumsum([seconds for _, seconds in _SCENES])
     tour_s = time_s % ends_s[-1]  # since the tour last began
@@ -148,7 +155,8 @@ def _view_touring(tank: TankSize, fish: Floats, heading: Floats, rate_hz: float)
     scene_s = tour_s - np.r_[0.0, ends_s][scene]  # since the scene began
     share = np.clip(scene_s / _BLEND_S, 0, 1)
     share = share * share * (3 - 2 * share)  # smooth at both ends
-    share = np.where(time_s < ends_s[0], 1.0, share)[:, None]  # none is before the very first
+    # The very first scene has none before it from which it could blend.
+    share = np.where(time_s < ends_s[0], 1.0, share)[:, None]
     views = [camera_views(name, tank, fish, heading, rate_hz) for name, _ in _SCENES]
 
     def mix_scenes(points: list[Floats]) -> Floats:

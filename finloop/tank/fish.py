@@ -1,5 +1,6 @@
 """One fish of an edit list, tick after tick: its surface in the tank, and its skin."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -7,6 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.stretches import spread_rows
 from finloop.tank.body import arc_lengths, fish_surfaces
 from finloop.tank.skin import FishSkins, SurfaceAndSkin
 from finloop.tank.swim import TankPoses
@@ -46,7 +48,7 @@ class FishSurface:
 
     @cached_property
     def _recent_batch(self) -> Callable[[int], tuple[Floats, Floats]]:
-        """Return `_compute_batch` with a memory of its latest result."""
+        """Return `_compute_batch` with a memory of its latest result: ticks follow each other."""
         return lru_cache(1)(self._compute_batch)
 
     def shape_at(self, tick: int) -> SurfaceAndSkin:
@@ -68,7 +70,7 @@ class FishSurface:
 
         They are relative to the mass centre.
         """
-        batches = range(-(-len(self) // _BATCH))  # rounded up
+        batches = range(math.ceil(len(self) / _BATCH))
         surfaces = [self._compute_batch(batch)[0].astype(np.float32) for batch in batches]
         return np.concatenate(surfaces).reshape(len(self), -1, 3)
 
@@ -77,8 +79,8 @@ class FishSurface:
 
         most: the largest number of ticks, spread over all.
         """
-        ticks = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
-        return np.rint(np.median([self.skin(int(tick)) for tick in ticks], axis=0)).astype(np.uint8)
+        ticks = spread_rows(np.arange(len(self)), most).tolist()
+        return np.rint(np.median([self.skin(tick) for tick in ticks], axis=0)).astype(np.uint8)
 
     def find_bent_tick(self) -> int:
         """Return a tick at which the fish is more bent than at nine of ten ticks."""

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.stretches import spread_rows
 from finloop.tank.body import AROUND, RINGS, surface_normals, surface_triangles, texture_coordinates
-from finloop.tank.camera import TankSize
+from finloop.tank.camera import GLASS_PER_DEPTH, TankSize
 from finloop.tank.light import SUN, WATER
 
 Floats = NDArray[np.floating]
@@ -127,7 +128,7 @@ class PrincipalShapes(NamedTuple):
 def principal_shapes(points: Floats, heading: Floats, most: int = MODES) -> PrincipalShapes:
     """Return the mean and the principal components of a fish's shapes, all turned to head right.
 
-    A component is one standard deviation large, and the weights count in these.
+    A component is as large as the standard deviation along it, so that of the weights is about 1.
 
     points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; most: largest
     number of components. They are computed from at most `_SAMPLE` ticks.
@@ -138,7 +139,7 @@ def principal_shapes(points: Floats, heading: Floats, most: int = MODES) -> Prin
     headed_right[..., 0] = cos * points[..., 0] + sin * points[..., 1]
     headed_right[..., 1] = cos * points[..., 1] - sin * points[..., 0]
     shapes = headed_right.reshape(len(points), -1)
-    sample = shapes[np.unique(np.linspace(0, len(shapes) - 1, _SAMPLE).astype(int))]
+    sample = shapes[spread_rows(np.arange(len(shapes)), _SAMPLE)]
     mean = sample.mean(0)
     _, singular, axes = np.linalg.svd(sample - mean, full_matrices=False)
     count = min(most, int((singular > 1e-9 * max(singular[0], 1e-9)).sum()))  # others are noise
@@ -184,8 +185,7 @@ def encode_tank_glb(
         for swimmer, suffix in zip(swimmers, suffixes, strict=True)
     ]
     time = glb.add_array(np.arange(len(swimmers[0].heading)) / rate_hz)
-    channels: list[dict] = []
-    samplers: list[dict] = []
+    channels, samplers = list[dict](), list[dict]()
     for swimmer, shadow, body in zip(swimmers, shadows, bodies, strict=True):
         lift = (0, 0, _LIFT * tank.body_length)
         on_floor = swimmer.place - swimmer.place[:, 2:] * (SUN / SUN[2]) + lift  # of the shadow
@@ -296,10 +296,10 @@ def _add_plain_material(
 def _add_motion(
     glb: GlbDocument, fish: AnimatedFish, places: Mapping[int, Floats]
 ) -> Iterator[tuple[int, str, int]]:
-    """Add the motion of a fish and its shadow: yield node, property, and index of the values.
+    """Add the motion of a fish and its shadow: yield node, property, and index of an accessor.
 
-    The values are those of the property, such as "rotation", at every tick. places: the place
-    (ticks, 3) of each node, the fish and its shadow, by the node's index.
+    The accessor holds the values of the property, such as "rotation", at every tick. places: the
+    place (ticks, 3) of each node, the fish and its shadow, by the node's index.
     """
     zero, half = np.zeros_like(fish.heading), fish.heading / 2
     quaternions = np.stack([zero, zero, np.sin(half), np.cos(half)], -1)
@@ -314,11 +314,9 @@ def _add_motion(
 
 def _add_still_parts(glb: GlbDocument, tank: TankSize, background: NDArray[np.uint8]) -> list[int]:
     """Add floor (the background picture), edges, water and glass; return their nodes in order."""
-    left, top = -0.5, 0.5  # the film's first pixel has its centre at 0, 0
-    right, bottom, high = left + tank.width, top - tank.height, tank.depth
-    base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
     # Four corners on the floor, at the water's surface, and at the rim of the glass above it.
-    low, water, rim = (np.c_[base, np.full(4, z)] for z in (0.0, high, 1.08 * high))
+    heights = 0.0, tank.depth, GLASS_PER_DEPTH * tank.depth
+    low, water, rim = (np.c_[tank.corners, np.full(4, z)] for z in heights)
     colour = background if background.ndim == 2 else cv2.cvtColor(background, cv2.COLOR_RGB2BGR)
     coded = cv2.imencode(".jpg", colour, _JPEG)[1].tobytes()
     floor = _add_plain_material(glb, "floor", (*WATER, 1.0), glb.add_texture(coded, "image/jpeg"))

@@ -88,9 +88,9 @@ class LitFloor:
     def _light_pattern(self, time_s: float) -> NDArray[np.uint8]:
         """Return the light on the floor's grid at a time, uint8: bright lines that move and bend.
 
-        255 is `_BRIGHTEST` times as bright as the plain floor.
-        They lie where waves of one set do not slope, and are bent by waves of another set. Factors
-        are chosen for the looks.
+        The lines lie where waves of one set do not slope, and are bent by waves of another set.
+        A light of 255 is `_BRIGHTEST` times as bright as the plain floor. Factors are chosen for
+        the looks.
         """
         x, y, depth = self._x, self._y, self._tank.depth
         _, bend_x, bend_y = wave_heights_and_slopes(x, y, depth, 0.7 * time_s)
@@ -108,27 +108,36 @@ class LitFloor:
         fish (rings, around, 3): its points, px of the tank. The higher the fish swims, the softer
         its shadow is. A shadow beside the floor changes nothing.
         """
-        # Draw the shadow into a mask, around which there is space for its blurred edge.
         on_floor = fish[..., :2] - fish[..., 2:] * (SUN[:2] / SUN[2])
         pixels = (on_floor * (1, -1) * self._scale).astype(np.float32)  # of the floor's picture
-        blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._scale)  # grows with the height
-        rim = int(np.ceil(3 * blur)) + 1
-        low = np.floor(pixels.min((0, 1))).astype(int) - rim
-        high = np.ceil(pixels.max((0, 1))).astype(int) + rim + 1
-        mask = np.zeros((high - low)[::-1], np.uint8)
-        for rings in pairwise(pixels):  # fill the hull of each two neighbouring rings
-            hull = cv2.convexHull(np.concatenate(rings) - low.astype(np.float32))
-            sixteenths = np.rint(16 * hull).astype(np.int32)  # 4 bits below one pixel
-            cv2.fillConvexPoly(mask, sixteenths, 255, cv2.LINE_AA, shift=4)
-        mask = cv2.GaussianBlur(mask, (0, 0), blur)
-        # Darken what is both in the mask, from `low` on, and in the picture.
-        first, last = np.maximum(low, 0), np.minimum(high, light.shape[::-1])
-        if (first >= last).any():
-            return
-        on_picture = np.s_[first[1] : last[1], first[0] : last[0]]
-        inside = mask[first[1] - low[1] : last[1] - low[1], first[0] - low[0] : last[0] - low[0]]
-        darkened = light[on_picture] * (1 - _SHADE / 255 * inside)
-        light[on_picture] = np.rint(darkened).astype(np.uint8)
+        blur_px = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._scale)  # grows with the height
+        mask, (left, top) = _draw_soft_shadow(pixels, blur_px)
+        # The part of the mask that lies in the picture.
+        x0, x1 = max(left, 0), min(left + mask.shape[1], light.shape[1])
+        y0, y1 = max(top, 0), min(top + mask.shape[0], light.shape[0])
+        if x0 < x1 and y0 < y1:
+            inside = mask[y0 - top : y1 - top, x0 - left : x1 - left]
+            darkened = light[y0:y1, x0:x1] * (1 - _SHADE / 255 * inside)
+            light[y0:y1, x0:x1] = np.rint(darkened).astype(np.uint8)
+
+
+def _draw_soft_shadow(
+    rings: NDArray[np.float32], blur_px: float
+) -> tuple[NDArray[np.uint8], tuple[int, int]]:
+    """Return a shadow's mask (h, w), 0 … 255, with a blurred edge, and its first column and row.
+
+    rings (rings, around, 2): x, y px of the picture; the hull of each two neighbours is filled.
+    """
+    rim = int(np.ceil(3 * blur_px)) + 1  # space for the edge
+    low = np.floor(rings.min((0, 1))).astype(int) - rim
+    high = np.ceil(rings.max((0, 1))).astype(int) + rim + 1
+    mask = np.zeros((high - low)[::-1], np.uint8)
+    for neighbours in pairwise(rings):
+        hull = cv2.convexHull(np.concatenate(neighbours) - low.astype(np.float32))
+        sixteenths = np.rint(16 * hull).astype(np.int32)  # 4 bits below one pixel
+        cv2.fillConvexPoly(mask, sixteenths, 255, cv2.LINE_AA, shift=4)
+    left, top = low.tolist()
+    return np.asarray(cv2.GaussianBlur(mask, (0, 0), blur_px)), (left, top)
 
 
 class WaterSurface:

@@ -9,6 +9,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from itertools import chain
 from typing import Any, cast
 
@@ -22,7 +23,7 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from finloop.base.errors import FinloopError
 from finloop.tank.body import AROUND as AROUND_BODY
 from finloop.tank.body import RINGS, surface_triangles, texture_coordinates
-from finloop.tank.camera import VIEW_DEG, CameraViews, TankSize
+from finloop.tank.camera import GLASS_PER_DEPTH, VIEW_DEG, CameraViews, TankSize
 from finloop.tank.light import SUN, WATER, LitFloor, WaterSurface
 from finloop.tank.skin import AROUND, LENGTHWISE, SurfaceAndSkin
 
@@ -33,7 +34,6 @@ _SKY_PX = 6.0  # film widths to the sky; by the sine of the elevation, its colou
 _GLASS, _EDGE = "#d5f0f5", "#e6fbff"
 _GLASS_ALPHA, _EDGE_ALPHA = 0.07, 0.75
 _COLOURS = "colours"  # name of VTK's array
-_RIM = 1.08  # height of the glass, in depths of the water
 _LIBRARIES = {  # by name: the window of VTK that needs it
     "libEGL.so.1": "vtkEGLRenderWindow",
     "libOSMesa.so.8": "vtkOSOpenGLRenderWindow",
@@ -63,7 +63,7 @@ def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
     )
 
 
-class TankScene:
+class TankScene(AbstractContextManager["TankScene"]):
     """An off-screen window in which the tank is drawn; `close` it, or use a `with` block.
 
     Call `choose_window` before.
@@ -91,10 +91,6 @@ class TankScene:
         self._add_glass()
         self._pixels = vtkUnsignedCharArray()
         self._plotter.show(auto_close=False)
-
-    def __enter__(self) -> "TankScene":
-        """Return the scene, for a `with` block."""
-        return self
 
     def __exit__(self, *error: object) -> None:
         """Close the window at the end of a `with` block."""
@@ -167,10 +163,8 @@ class TankScene:
     def _add_floor(self) -> Any:
         """Add the floor; return its picture, which can be replaced at every tick."""
         picture = _empty_image(self._floor.plain.shape)
-        left, top = -0.5, 0.5  # the film's first pixel has its centre at 0, 0
-        right, bottom = left + self._tank.width, top - self._tank.height
-        corners = [[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]]
-        mesh = pv.PolyData(np.array(corners), np.array([4, 0, 1, 2, 3]))
+        corners = np.c_[self._tank.corners, np.zeros(4)]
+        mesh = pv.PolyData(corners, np.array([4, 0, 1, 2, 3]))
         mesh.active_texture_coordinates = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
         self._plotter.add_mesh(mesh, texture=_smooth_texture(picture), lighting=False, color=WATER)
         return picture
@@ -206,10 +200,9 @@ class TankScene:
 
     def _add_glass(self) -> None:
         """Add the glass walls and their bright edges."""
-        tank, top = self._tank, _RIM * self._tank.depth
-        # Pixel centres are whole numbers, so the film's edges lie half a pixel beyond.
-        x, y = np.array([-0.5, tank.width - 0.5]), np.array([0.5 - tank.height, 0.5])
-        box = pv.Box((*x, *y, 0, top))
+        tank = self._tank
+        (left, bottom), (right, top) = tank.corners[[0, 2]]
+        box = pv.Box((left, right, bottom, top, 0, GLASS_PER_DEPTH * tank.depth))
         upright = [i for i in range(6) if np.ptp(box.get_cell(i).points[:, 2]) > 0]  # 4 of 6 sides
         walls = box.extract_cells(upright)
         self._plotter.add_mesh(walls, color=_GLASS, opacity=_GLASS_ALPHA, lighting=False)

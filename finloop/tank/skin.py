@@ -38,9 +38,9 @@ class SurfaceAndSkin(NamedTuple):
 
 
 class FishSkins:
-    """The skins of a fish, made of its film pictures: `skin(row)`, (AROUND, LENGTHWISE, 3) float32.
+    """The skins of a fish, made of its film pictures.
 
-    Values are 0 … 255.
+    `skin(row)` is that of a row of the film, (AROUND, LENGTHWISE, 3) float32, 0 … 255.
     """
 
     def __init__(

@@ -126,20 +126,19 @@ def poses_in_tank(
 def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     """Return the backbone (p, 2) px of a fish that an edit-list row draws in an unfilmed pose.
 
-    The film's backbone is changed by the difference between the backbones of the unfilmed pose and
-    of the filmed posture, at equal arc lengths. All are compared headed right.
+    As the filmed posture becomes the unfilmed one, each point of the film's backbone moves like the
+    posture's point at the same arc length from the head. All lines are compared headed right, with
+    the mass centre at (0, 0) and y up.
     """
     body = bodies.body_in_edit_row(row_picture(row))
-    film_row, y_sign = int(body.row), -1 if body.mirrored else 1
-    line = film.backbone[film_row] @ _turn_matrix(-film.heading_deg[film_row]).T * (1, y_sign)
-    # How the points of the posture, which is coarser than the backbone, are to move.
+    film_row, to_side = int(body.row), (1, -1 if body.mirrored else 1)
+    line = film.backbone[film_row] @ _turn_matrix(-film.heading_deg[film_row]).T * to_side
+    # The posture's points are fewer than the backbone's; y is down in them.
     filmed = bodies.poses.pose[film_row]
-    filmed = filmed.move_to(0, 0, 0, filmed.size_px)  # at 0, 0, headed right
+    filmed = filmed.move_to(0, 0, 0, filmed.size_px)
     posed = bodies.poses.pose_from_codes(film_row, row.pose).move_to(0, 0, 0, filmed.size_px)
-    filmed_line, posed_line = filmed.backbone_px() * (1, -1), posed.backbone_px() * (1, -1)
-    filmed_line[:, 1] *= y_sign
-    change = posed_line - filmed_line
-    # The backbone's points move as those of the posture do at the same arc length from the head.
+    filmed_line = filmed.backbone_px() * (1, -1) * to_side
+    change = posed.backbone_px() * (1, -1) - filmed_line
     filmed_arc, arc = _arc_length_to_points(filmed_line), _arc_length_to_points(line)
     line += np.column_stack([np.interp(arc, filmed_arc, values) for values in change.T])
     return row.scale * line @ _turn_matrix(float(body.heading_deg)).T
@@ -159,7 +158,7 @@ def _arc_length_to_points(line: Floats) -> Floats:
 def _find_shown_bodies(
     edit: pd.DataFrame, prefix: str, source_column: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return which filmed body the picture of every tick shows; any body where there is none.
+    """Return which filmed body the picture of every tick shows; of a missing picture, any body.
 
     prefix, source_column: the columns of the picture in the edit list, "" and "source" for the
     main one, "partner_" and "partner" for the one to cross-fade with.
