@@ -1,7 +1,7 @@
 """Fig. 12 of the fish paper: groups of loops that never overlap in time, and dead ends."""
 
 from heapq import nlargest
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 import numpy as np
 import pandas as pd
@@ -91,14 +91,14 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
     count, drawn = int(groups.max()) + 1, 0
     arcs_per_group = max(1, min(_PER_GROUP, _ARCS // count))
     by_group = within.groupby("track_group")
-    rank_in_time = by_group["a"].min().rank(method="first").astype(int) - 1
+    groups_in_time = by_group["a"].min().sort_values(kind="stable").index
+    colours = dict(zip(groups_in_time, cycle(_IN_TURN), strict=False))
     # By colour: the bars (start, length), s, and the arcs, points as `arc_points` returns them.
-    bars: list[list[tuple[float, float]]] = [[] for _ in _IN_TURN]
-    arcs: list[list[NDArray[np.float64]]] = [[] for _ in _IN_TURN]
-    for group_number, group in by_group:
-        colour_number = int(rank_in_time[group_number]) % len(_IN_TURN)
+    bars: dict[str, list[tuple[float, float]]] = {colour: [] for colour in _IN_TURN}
+    arcs: dict[str, list[NDArray[np.float64]]] = {colour: [] for colour in _IN_TURN}
+    for number, group in by_group:
         start_s, stop_s = group["a"].min() / rate_hz, (group["b"].max() + 1) / rate_hz
-        bars[colour_number].append((start_s, stop_s - start_s))
+        bars[colours[number]].append((start_s, stop_s - start_s))
         if stop_s - start_s > _NARROW * len(track_id) / rate_hz:
             text = str(len(group))
             axes.text((start_s + stop_s) / 2, -0.2, text, ha="center", va="center", fontsize=8)
@@ -106,10 +106,10 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
             shown = spread_table_rows(group, arcs_per_group)
             drawn += len(shown)
             a_s, b_s = shown["a"].to_numpy() / rate_hz, shown["b"].to_numpy() / rate_hz
-            arcs[colour_number] += list(arc_points(a_s, b_s, float(within["length_s"].max())))
-    for colour, spans, lines in zip(_IN_TURN, bars, arcs, strict=True):
-        axes.broken_barh(spans, (-0.12, 0.1), color=colour)
-        axes.add_collection(LineCollection(lines, colors=colour, lw=0.9, alpha=0.8))
+            arcs[colours[number]] += list(arc_points(a_s, b_s, float(within["length_s"].max())))
+    for colour in _IN_TURN:
+        axes.broken_barh(bars[colour], (-0.12, 0.1), color=colour)
+        axes.add_collection(LineCollection(arcs[colour], colors=colour, lw=0.9, alpha=0.8))
     axes.set_title(
         f"{_with_noun(len(within), 'loop')} within a track, {_with_noun(count, 'group')}: "
         f"a bar a group, with its number of loops; arcs: {drawn} of the loops",
