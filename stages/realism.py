@@ -13,7 +13,6 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate.settings import AnimateSettings
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers, ordered_map
 from finloop.edit.modes import MODES
@@ -200,7 +199,8 @@ def main() -> None:
     data/realism/ gets its results and examples, also as a film, reports/realism/ the metrics.
     """
     with Project() as project, open_workers(WORKERS_NEED) as pool:
-        _compare_swimming(load_settings("realism"), load_settings("animate"), project, pool)
+        animation_s: float = load_settings("animate").seconds
+        _compare_swimming(load_settings("realism"), animation_s, project, pool)
 
 
 def build_instrument(project: Project) -> Instrument:
@@ -216,16 +216,16 @@ def build_instrument(project: Project) -> Instrument:
 
 
 def _compare_swimming(
-    p: RealismSettings, q: AnimateSettings, project: Project, pool: Workers
+    p: RealismSettings, animation_s: float, project: Project, pool: Workers
 ) -> None:
     """Draw and measure film and animations, classify them; write data/realism/, reports/realism/.
 
-    p, q: the parameters `realism` and `animate`. FinloopError if no fish is followed in the film.
+    animation_s: length of an animation. FinloopError if no fish is followed in the film.
     """
     rate, features = project.rate_hz, project.features
     # By mode or FILM: edit lists to draw, and how the fish in their pictures are measured.
     film_instrument = build_instrument(project)
-    longest, most = round(q.seconds * rate), round(p.seconds * rate)
+    longest, most = round(animation_s * rate), round(p.seconds * rate)
     works = {FILM: sample_film_lists(features, longest=longest, most=most, seed=p.seed)}
     instruments = {FILM: film_instrument}
     mode_inputs = {}  # what a mode's results depend on beside INPUTS, on which all depend
