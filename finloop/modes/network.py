@@ -162,11 +162,7 @@ class Network:
         chosen = following[self._random_near(nearest, len(following), rng)]
         phase_ticks = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
         first_speed = phases.first_speed[chosen]
-        # The fish's own speed changes into that of the phase within Δ.
-        own_share = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
-        speed = first_speed + phases.speed_change[phase_ticks]
-        speed = speed + (fish.speed - first_speed) * own_share
-        speed = np.minimum(np.maximum(speed, phases.low), phases.high)
+        speed = self._change_into_phase(fish.speed, first_speed, phases.speed_change[phase_ticks])
         forward = speed * (self._length_px / motion.rate_hz)
         drift = _drift_towards_aim(phases.drift_deg[phase_ticks], approach)
         swim = Ahead(forward, drift, brake=forward * self._stop_ticks)
@@ -183,6 +179,16 @@ class Network:
             touches_goal=touch_tick < ticks,
             decision=Decision(PHASE, film_speed=float(first_speed)), phase=places,
         )  # fmt: skip
+
+    def _change_into_phase(self, own: float, first: float, change: Floats) -> Floats:
+        """Return the speeds (n,), body lengths/s, of a fish that swims like a phase of the film.
+
+        own: its speed before; first: that of the phase; change (n,): of the phase's speed since
+        then. Within Δ the fish's own speed changes into that of the phase.
+        """
+        own_share = np.maximum(0.0, 1 - np.arange(1, len(change) + 1) / self.world.motion.delta)
+        speed = first + change + (own - first) * own_share
+        return np.minimum(np.maximum(speed, self.phases.low), self.phases.high)
 
     def _cycle_sprites(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
         """Return sprites of a state's cycle (n,), their places in it (n,), and whether it is new.
@@ -241,32 +247,41 @@ class Network:
         and the last of them again with less and less time for the fish to leave its first speed.
         The last try is taken even where it does not fit.
         """
-        motion, ease, count = self.world.motion, self.p.ease, len(plan.frames)
-        forward, sideways = self._stretch_filmed_turn(turn_number, count)
+        ease = self.p.ease
+        filmed = self._stretch_filmed_turn(turn_number, len(plan.frames))
         largest_share = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
         fastest = _FASTEST_TURN * abs(approach.error) * largest_share  # degrees in a tick
-        tick_numbers, speed = np.arange(1, count + 1), approach.fish.speed / motion.rate_hz
         # Each try: ticks in which the fish's first speed changes into that of the turn, and the
         # factor of the turn's displacement, of which the smallest is 0.
-        tries = [(motion.delta, factor) for factor in ease] + [(2, ease[-1]), (0, ease[-1])]
+        delta = self.world.motion.delta
+        tries = [(delta, factor) for factor in ease] + [(2, ease[-1]), (0, ease[-1])]
         for fade_ticks, factor in tries:
-            first_share = np.zeros(count)  # how much of the first speed is left
-            if fade_ticks:
-                first_share = np.maximum(0.0, 1 - tick_numbers / fade_ticks)
-            ahead = factor * forward + (speed - factor * forward[0]) * first_share
-            forward_bl = np.minimum(np.maximum(ahead, 0.0), self.phases.high / motion.rate_hz)
-            sideways_bl = factor * sideways * (1 - first_share)
-            swim = Turning(
-                plan.share,
-                forward=forward_bl * self._length_px,
-                sideways=sideways_bl * self._length_px,
-            )
+            swim = self._scale_turn(filmed, plan.share, approach.fish.speed, fade_ticks, factor)
             trajectory, possible, touch_tick = swim_turn(
                 self.world.tank.legal, approach.start, swim, approach.goal, approach.aim, fastest
             )
             if possible:
                 break
         return trajectory, touch_tick, factor
+
+    def _scale_turn(
+        self, filmed: tuple[Floats, Floats], share: Floats, first_speed: float, fade_ticks: int,
+        factor: float,
+    ) -> Turning:  # fmt: skip
+        """Return a filmed turn whose displacement is multiplied by `factor`.
+
+        filmed: body lengths ahead and to the inside in each tick, (n,) each; share (n,): part of
+        the turn that is done. Within `fade_ticks` the fish's first speed, body lengths/s, changes
+        into that of the turn; at once if they are 0.
+        """
+        (forward, sideways), rate_hz = filmed, self.world.motion.rate_hz
+        first_share = np.zeros(len(share))  # how much of the first speed is left
+        if fade_ticks:
+            first_share = np.maximum(0.0, 1 - np.arange(1, len(share) + 1) / fade_ticks)
+        ahead = factor * forward + (first_speed / rate_hz - factor * forward[0]) * first_share
+        forward_bl = np.minimum(np.maximum(ahead, 0.0), self.phases.high / rate_hz)
+        sideways_bl = factor * sideways * (1 - first_share)
+        return Turning(share, forward_bl * self._length_px, sideways_bl * self._length_px)
 
     def _stretch_filmed_turn(self, turn_number: int, count: int) -> tuple[Floats, Floats]:
         """Return the displacement of a filmed turn, stretched in time to `count` ticks.
