@@ -129,7 +129,7 @@ def _split_run(
     phases: list[_PhaseFrames] = []
     for begin, end in pairwise(edges.tolist()):
         part = _PhaseFrames(int(label[begin]), first + begin, first + end)
-        last = phases.pop() if phases else part
+        last = phases.pop() if phases else part  # the first part continues itself
         if part.end - part.first < least_ticks or part.state == last.state:
             phases.append(last._replace(end=part.end))
         elif last.end - last.first < least_ticks:  # only the first can be so short
