@@ -150,7 +150,7 @@ def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
 
 
 def _prepare_worker(home: WorkerHome, work: str) -> Callable[[Any], Any]:
-    """Prepare this worker to work, and return the function pickled in the file `work`.
+    """Check and set up this worker; return the function that is pickled in the file `work`.
 
     The worker must equal the submitting process (`home`), enters the shared folder, and gets one
     OpenCV thread. FinloopError if it differs, or does not see the file.

@@ -24,9 +24,10 @@ def orientation_table(features: pd.DataFrame) -> pd.DataFrame:
     """Return Table 1 of the fish paper: a row per orientation, with its shares of swimming types.
 
     Columns: `orientation`; `straight_pct`, `right_pct`, `left_pct`: percent of the orientation's
-    frames; `max_area_right`, `max_area_left`: its largest motion area in such turns, relative to
-    the film's, 0 without such turns; `amount_pct`: percent of all frames. The amounts sum to 100
-    (the paper's own do not: 99.87). An orientation without frames has amount 0, all else is NaN.
+    frames; `max_area_right`, `max_area_left`: its largest motion area in such turns, as a share of
+    the film's largest, 0 without such turns; `amount_pct`: percent of all frames. The amounts sum
+    to 100 (the paper's own do not: 99.87). An orientation without frames has amount 0, all else is
+    NaN.
     """
     film_areas = features.groupby("swimming_type")["motion_area"].max()
     rows = []

@@ -147,5 +147,6 @@ def _posture_weights(numbers: int) -> Floats:
 def _fix_signs(shapes: Floats) -> Floats:
     """Return shapes (c, d), each flipped so that its component of greatest size is positive."""
     size = np.abs(shapes)
+    # Of sizes that are equal but for rounding, the first counts.
     greatest = (size > (1 - _ROUNDING) * size.max(axis=1, keepdims=True)).argmax(axis=1)
     return shapes * np.sign(np.take_along_axis(shapes, greatest[:, None], axis=1))
