@@ -164,11 +164,11 @@ def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
 def rhythm_measures(
     edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
 ) -> dict[str, float]:
-    """Return, by name, the longest time that a picture stays, and the film's jumps.
+    """Return, by name, how long a picture stays at most, and how often and how soon the film jumps.
 
-    `longest_still_s`: that time, s; `jumps_of_the_film`: number of jumps from frame to frame;
-    `shortest_stay_s`: least time between two of them, NaN with fewer than two. jumps (k,): ticks of
-    all transitions.
+    `longest_still_s`: longest time of one picture; `jumps_of_the_film`: number of jumps from frame
+    to frame; `shortest_stay_s`: least time between two of them, NaN with fewer than two. jumps
+    (k,): ticks of all transitions.
     """
     changes = np.diff(_number_pictures(edit)) != 0
     runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))

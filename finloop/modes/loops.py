@@ -234,7 +234,7 @@ class Loops:
         """
         film, taken = self.film, int(rng.integers(len(candidates.rows)))
         row, rot = int(candidates.rows[taken]), float(candidates.rots[taken])
-        ahead = slice(row, row + 4 * self.stay)  # rows that hold such a loop end, mostly
+        ahead = slice(row, row + 4 * self.stay)  # enough rows to find such a loop end, mostly
         is_reached = np.logical_and.accumulate(film.has_next[ahead])
         ticks_to_ends = np.flatnonzero(self.ends[ahead] & is_reached) + 1
         ticks = 1

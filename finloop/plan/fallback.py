@@ -37,9 +37,9 @@ class Fallback:
     def stay(self, fish: Fish, target: Target) -> Stretch:
         """Return a stretch in place: the film plays on, and the fish turns towards the target.
 
-        It shows the first row that can follow, and those after it, at most a stride (ticks between
-        two checks of a branch), up to where the film ends. Its head moves no faster than a fast
-        fish swims.
+        It shows the film's next row, or the best jump in place of it, and the rows after that: a
+        stride (ticks between two checks of a branch) at most, and up to where the film ends. Its
+        head moves no faster than a fast fish swims.
         """
         world = self._world
         rows, trajectory = _turn_in_place(

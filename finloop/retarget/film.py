@@ -276,7 +276,8 @@ def _choose_rows_without_postures(
     heading = np.unwrap(track.pose.heading_rad)
     codes = shown_pose_codes(sources, np.degrees(heading), joins)
     postures = film.poses.shapes.decode(codes)
-    known_heading = heading if len(track.along) == 1 else None  # a single point shows none
+    # From two or more points the heading follows; a single one shows none.
+    known_heading = heading if len(track.along) == 1 else None
     pose = align_postures(postures, track.points, track.along, film.reel.length_px, known_heading)
     return sources, track._replace(pose=pose, codes=codes)
 
