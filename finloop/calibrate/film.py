@@ -138,8 +138,9 @@ def build_film_group(
 def measure_horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
     """Return after how many frames fish have half forgotten their headings.
 
-    The result is at most a quarter of the longest track, but at least `delta` (Δ, in frames), and
-    in any case at most half of that track. heading (n,): complex; track (n,): each row's track.
+    The result is limited to a quarter of the longest track, then raised to at least `delta` (Δ, in
+    frames), and last limited to half of the longest track; it is 1 or more. heading (n,): complex;
+    track (n,): each row's track.
     """
     memory = measure_memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
     longest = _longest_track_rows(track)

@@ -139,13 +139,14 @@ def measure_trial_gaps(
 
 
 def _cut_gap(frame: Ints, rows: NDArray[np.intp], gap_frames: int) -> list[NDArray[np.intp]]:
-    """Return a track's rows before and after a gap in its middle; all of them if it is too short.
+    """Leave `gap_frames` out of the middle of a track; return its rows before and after them.
 
-    frame: the frame number of every row of the film; rows (k,): of the track, in their order.
+    Where a part would have fewer than `_LEAST_HALF` rows, all rows are returned as one part. frame:
+    the frame number of every row of the film; rows (k,): of the track, in their order.
     """
     frames = frame[rows]
-    middle_frame = (frames[0] + frames[-1] - gap_frames) // 2
-    start = int(np.searchsorted(frames, middle_frame))
+    first_gap_frame = (frames[0] + frames[-1] - gap_frames) // 2
+    start = int(np.searchsorted(frames, first_gap_frame))
     stop = int(np.searchsorted(frames, frames[start - 1] + gap_frames))
     if min(start, len(rows) - stop) < _LEAST_HALF:
         return [rows]

@@ -243,7 +243,8 @@ def _null_problems(array: pa.Array, column: Column) -> list[str]:
     if column.nullable:
         return []
     count = array.null_count
-    # Of lists, all numbers: null ones among them become NaN below, and are counted there.
+    # A column of lists is checked number by number: a null number becomes NaN in to_numpy, and is
+    # counted with the NaNs.
     numbers = array.flatten() if column.length else array.drop_null()
     if pa.types.is_floating(numbers.type):
         count += int(np.isnan(numbers.to_numpy(zero_copy_only=False)).sum())

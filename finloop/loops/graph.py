@@ -90,11 +90,11 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
     _, component_of_segment = connected_components(successors, directed=True, connection="strong")
     has_others = np.bincount(component_of_segment)[component_of_segment] > 1
     cyclic = has_others | (successors.diagonal() > 0)
-    segment_frames = np.where(ahead >= 0, ends[ahead] - ends, 0)
+    cyclic_frames = np.where(cyclic & (ahead >= 0), ends[ahead] - ends, 0)
     return LoopGraph(
         ends, ahead, start, jumps,
         distance=distance[order],
-        component=renumber_groups(component_of_segment, segment_frames * cyclic),
+        component=renumber_groups(component_of_segment, cyclic_frames),
         cyclic=cyclic,
         endless=_has_endless_future(track_id, ends, start, jumps)[ends],
     )  # fmt: skip

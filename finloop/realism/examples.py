@@ -113,8 +113,8 @@ def _window_edit_list(
 ) -> pd.DataFrame:
     """Return what one window shows, as an edit list with the column start_deg, its first heading.
 
-    works, measured: edit lists, and the swimming measured in them; first_row: of the window, in
-    `measured`.
+    It has `cut.length` steps, and so a tick more. works, measured: edit lists of one fish each, and
+    the swimming measured in them; first_row: of the window, in `measured`.
     """
     rows = first_row + np.arange(cut.length + 1)
     edit = works[int(measured.list_number[first_row])].edit.iloc[measured.tick[rows]]

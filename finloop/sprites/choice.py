@@ -222,21 +222,19 @@ def find_tail_beats(
     """Return the candidates for a tail beat: straight swimming with one wave of the tail.
 
     table: from `swimmer_table`; delta_frames: Δ, the unit of a beat's length in the settings. The
-    columns are those of `_candidate_table`. The result is empty if there is no tail beat.
+    columns are those of `_candidate_table`, with a fault more: "untypical beat", by how many
+    octaves its swing differs from the median. A fault is 1 where the settings set its limit. Where
+    nothing swims straight for so long, the result is empty and has no columns.
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
     most = round(settings.beat_most * delta_frames)
     parts = []
     for runs in _find_straight_runs(table, least, most):
-        # Parseval: the share of the tail's variance that is one wave over the run.
-        tail, n = runs.values("tail"), runs.frames
-        power = np.abs(np.fft.rfft(tail - tail.mean(1, keepdims=True), axis=1)) ** 2
-        power[:, 1 : (n + 1) // 2] *= 2  # rfft gives one of two equal halves of the spectrum
-        total = np.maximum(power[:, 1:].sum(1), 1e-12)
+        tail = runs.values("tail")
         swing = np.maximum(np.ptp(tail, axis=1), 1e-6)
         faults = {
-            "several waves": (1 - power[:, 1] / total) / (1 - settings.one_wave),
-            "flicker": settings.flicker_frames / n,
+            "several waves": (1 - _share_of_one_wave(tail)) / (1 - settings.one_wave),
+            "flicker": settings.flicker_frames / runs.frames,
             "lopsided": np.abs(tail.mean(1)) / swing / settings.lopsided,
         }
         parts.append(_candidate_table(runs, faults, settings).assign(swing=swing))
@@ -247,6 +245,16 @@ def find_tail_beats(
     waves = waves[is_beat & (waves["several waves"] <= 1)]
     untypical = np.abs(np.log2(waves["swing"] / waves["swing"].median()))
     return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
+
+
+def _share_of_one_wave(values: Floats) -> Floats:
+    """Return what share of the variance of each row (k, n) is one sine wave over its n values.
+
+    By Parseval's theorem: power at the frequency 1 / n, divided by that at all but 0.
+    """
+    power = np.abs(np.fft.rfft(values, axis=1)) ** 2
+    power[:, 1 : (values.shape[1] + 1) // 2] *= 2  # the spectrum's other half, which rfft omits
+    return power[:, 1] / np.maximum(power[:, 1:].sum(1), 1e-12)
 
 
 def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSettings) -> pd.DataFrame:

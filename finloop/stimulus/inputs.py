@@ -43,7 +43,10 @@ async def receive_datagrams(
         """Handler of arriving datagrams; it stops the receiving if `receive` raises an error."""
 
         def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-            """Pass the texts of one datagram to `receive`; addr: host and port of its sender."""
+            """Pass the texts of one datagram to `receive`: None for each that cannot be read.
+
+            addr: host and port of its sender.
+            """
             is_osc = kind == "osc"
             texts = parse_osc_packet(data, token) if is_osc else [parse_datagram(data, token)]
             try:
