@@ -661,7 +661,7 @@ def test_the_camera_tracker_finds_the_drawn_carp(tmp_path):
     )  # fmt: skip
     truth = load_table(film.folder / "truth.parquet", TRUTH)
     video = cv2.VideoCapture(str(film.folder / "clip.mp4"))
-    ground = example["background_of"](video)
+    ground = example["median_background"](video)
     frames = [(n / 25, cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)) for n in range(40)]
     said = list(example["track_animals"](frames, ground, np.full(ground.shape, 20), 2))
     ways = {number: [] for number in (1, 2)}
