@@ -247,7 +247,7 @@ def find_tail_beats(
     return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
 
 
-def _share_of_one_wave(values: Floats) -> Floats:
+def _share_of_one_wave(values: Reals) -> Reals:
     """Return what share of the variance of each row (k, n) is one sine wave over its n values.
 
     By Parseval's theorem: power at the frequency 1 / n, divided by that at all but 0.
