@@ -98,11 +98,11 @@ def _measure_without(part: str, seed: int) -> dict[str, float]:
             edit, goals = animator.trial(number)
             for fish_edit, fish_goals in zip(split_by_fish(edit), goals, strict=True):
                 trials.append(
-                    measures.measure_edit_list(fish_edit, fish_goals, animator.player, film)
+                    measures.measure_without_pictures(fish_edit, fish_goals, animator.player, film)
                 )
         sample = animator.sample(7000 + seed, SECONDS)
         measures_by_key = dict(pd.DataFrame(trials).mean())
-        measures_by_key |= measures.measure_edit_list(sample, [], animator.player, film)
+        measures_by_key |= measures.measure_without_pictures(sample, [], animator.player, film)
         measures_by_key |= measure_pictures(sample, animator, steps, project.rate_hz)
         row = {name: float(measures_by_key.get(key, np.nan)) for key, name in MEASURES.items()}
         return row | path_deviations(animator, seed)

@@ -286,8 +286,7 @@ def send_hostile_messages() -> Iterator[Row]:
         with connect_page(live, "experimenter") as page:
             page.send('{"do":"start"}')
             page.recv()
-        before = 0.0
-        for turn in range(2):  # the first time warms up
+        for turn in range(2):  # the first time warms up; memory counts from the second on
             before = live.program.memory_info().rss / 2**20
             for text in hostile_texts(MESSAGES, turn):
                 live.send(text)

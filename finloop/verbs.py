@@ -387,7 +387,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     elif shows_sprites:
         network = make_network(assets, model, p["network"])
         if mode == "network":
-            animator = network_animator(assets, network, common, p["network"])
+            animator = network_animator(assets, network, common)
         else:
             animator = hybrid_animator(
                 assets, network, loops, gateways, common, p["loops"], p["hybrid"]

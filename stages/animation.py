@@ -113,7 +113,7 @@ def _save_animation(
     film_motion = measures.motion_of_film(project.features, player.world.motion)
     fish_edits, fish_measures = split_by_fish(edit), []
     for fish_edit, fish_goals in zip(fish_edits, animator.goals_of(goals), strict=True):
-        numbers = measures.measure_edit_list(fish_edit, fish_goals, player, film_motion)
+        numbers = measures.measure_without_pictures(fish_edit, fish_goals, player, film_motion)
         numbers |= measure_pictures(fish_edit, animator, steps, project.rate_hz)
         fish_measures.append(numbers)
     numbers = average_measures(fish_measures)
@@ -165,11 +165,13 @@ def _measure_seeds(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, 
         film_motion = measures.motion_of_film(project.features, player.world.motion)
         for seed in seeds:
             edit, goals = animator.trial(seed)
-            plans = [
-                measures.measure_edit_list(fish_edit, fish_goals, player, film_motion)
+            fish_measures = [
+                measures.measure_without_pictures(fish_edit, fish_goals, player, film_motion)
                 for fish_edit, fish_goals in zip(split_by_fish(edit), goals, strict=True)
             ]
-            rows.append(average_measures(plans) | encounters.measure_clearance(edit, player))
+            rows.append(
+                average_measures(fish_measures) | encounters.measure_clearance(edit, player)
+            )
     return rows
 
 

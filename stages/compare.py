@@ -77,8 +77,9 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     """Write reports/compare.html, which compares experiments; return its table as text.
 
     names: of experiments; none for all of them and the present commit. measures: numbers
-    `<stage>.<number>` to show beside the usual ones; of named experiments only the numbers of these
-    stages are read. title, why: heading and text of the page. FinloopError if a name is unknown.
+    `<stage>.<number>` to show beside the usual ones; if both names and measures are given, only the
+    numbers of the measures' stages are read. title, why: heading and text of the page. FinloopError
+    if a name is unknown.
     """
     revisions = find_experiments(names) if names else list_experiments() | {BASE: "HEAD"}
     commits = {name: run_git("rev-parse", rev).strip() for name, rev in revisions.items()}

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
+from finloop.base.stretches import spread_rows
 from finloop.drawn.dog.draw import dog_frames, limb_masks
 from finloop.drawn.dog.walk import DogFilm, foot_gammas, frame_phases, true_limb_contours
 from finloop.gait.compare import CLOCKS, ClockComparison, compare_clocks
@@ -158,7 +159,7 @@ def _draw_dog_film(walk: DogFilm, folder: Path) -> CyclePictures:
             writer.write(picture)
     save_masks(folder / "regions", map(limb_masks, read_frames(path, colour=True)))
     cycle = min(walk.frames, round(walk.frames / walk.cycles))
-    ticks = np.unique(np.linspace(0, cycle - 1, FIG8_PICTURES).astype(int))
+    ticks = spread_rows(np.arange(cycle), FIG8_PICTURES)
     frames = enumerate(read_frames(path, colour=True))
     pictures = [picture for tick, picture in frames if tick in ticks]
     return CyclePictures(pictures, frame_phases(walk)[ticks])

@@ -66,7 +66,8 @@ def _connection_tables() -> pd.DataFrame:
 def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors.
 
-    The result also has the largest rise of the hoop's energy, which should only fall, as a share.
+    The result also has the largest rise of the hoop's energy, which should only fall, as a share of
+    the energy in the beginning.
     """
     hoop, massless = _bent_hoops(p)
     exact = solve_motion(hoop)

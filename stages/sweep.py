@@ -56,8 +56,8 @@ from finloop.base.process import die_with_parent
 die_with_parent()
 sys.exit(main())
 """
-# What git has that a run changes, or that no result depends on, such as the name of a remote.
-RESULTS = (PARAMS.name, "dvc.lock", "reports", ".dvc")
+# What may differ between runs of the same code: results, and DVC's settings (a remote's name).
+NOT_COMPARED = (PARAMS.name, "dvc.lock", "reports", ".dvc")
 LAST_LINES = 12  # of the output of a failed run
 AFTER_ANIMATE = {*WORDS[WORDS.index("animate") + 1 :]}  # stages that `animate` does not need
 
@@ -114,7 +114,7 @@ def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bo
 
 def _has_same_code_and_params(commit: str, params: str) -> bool:
     """Return whether an experiment's commit has the present code and `params` as params.yaml."""
-    excludes = [f":(exclude){name}" for name in RESULTS]
+    excludes = [f":(exclude){name}" for name in NOT_COMPARED]
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
     if changed.returncode or run_git("show", f"{commit}:{PARAMS}") != params:
         return False
@@ -222,10 +222,10 @@ class RunMaker(ExitStack):
         waiting, free_clones = iter(todo), SimpleQueue[Path]()
         for clone in self._clones:
             free_clones.put(clone)
-        shared_processes = max(1, THREADS // len(self._clones))  # of each of so many runs
+        run_processes = max(1, THREADS // len(self._clones))  # a run goes on in each clone
         with report_progress("runs", len(todo), "runs") as advance:
 
-            def make_run(name: str, processes: int = shared_processes) -> bool:
+            def make_run(name: str, processes: int = run_processes) -> bool:
                 """Make a run in a free clone, on some processes; return whether it succeeds."""
                 clone = free_clones.get()
                 try:

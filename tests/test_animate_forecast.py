@@ -93,6 +93,12 @@ def test_the_fish_moves_as_is_foretold():
     assert np.allclose(speed, np.hypot(states[:, -3], states[:, -2]))
 
 
+def test_the_same_draws_give_the_same_swim():
+    swims = (animate_fish(player(), GOALS, 150, np.random.default_rng(seed)) for seed in (4, 4, 5))
+    one, same, other = (np.concatenate([s.trajectory for s in swim.stretches]) for swim in swims)
+    assert np.array_equal(one, same) and not np.array_equal(one[:100], other[:100])
+
+
 def test_a_stretch_that_is_cut_leaves_the_fish_as_it_was_then():
     fish = player()
     state, rng = fish.begin(np.random.default_rng(1)), np.random.default_rng(3)
@@ -177,7 +183,10 @@ def test_a_fish_from_sprites_or_from_the_film_goes_on():
 
 
 def test_the_head_of_a_fish_in_a_corner_turns_no_faster_than_a_fast_fish_swims_or_as_is_predicted():
-    one, most = player(), own_world().turn_on_spot_deg
+    one, world = player(), own_world()
+    head_px = world.motion.body_length_px / 2  # from the centre of a fish to its head
+    most = np.degrees(world.cost_weights.fast_px / head_px)
+    assert world.turn_on_spot_deg == pytest.approx(most)
     legal = one.world.tank.legal
     y, x = np.argwhere(legal).min(0)
     for seed in range(20):

@@ -209,3 +209,38 @@ def test_what_a_page_names_is_there(name):
         assert is_module or is_parameter or inner in definitions(module), dotted
     for group, constant in re.findall(r"`(\w+Settings)\.(\w+)`", page):
         assert hasattr(DECLARED[group], constant), f"{group}.{constant}"
+
+
+def test_a_row_that_is_not_true_is_found():
+    def row(functions: list[str], tests: list[str]) -> Row:
+        return Row("", "", "", "", functions, tests)
+
+    good = [
+        "bpn.model.MotionModel.predict",
+        "bpn.back_propagation.unit_output",
+        "train_motion_model",
+    ]
+    assert not list(wrong(row(good, ["test_bpn.py"])))
+    assert not list(wrong(row(["skimage.morphology.skeletonize", "dvc.yaml"], [])))
+    for functions, tests in [
+        (["bpn.model.MotionModel.fly"], ["test_bpn.py"]),
+        (["bpn.model.predict_nothing"], ["test_bpn.py"]),
+        (["bpn.back_propagation.unit_output", "predict"], ["test_bpn.py"]),  # of another module
+        (["bpn.model.MotionModel"], ["test_none.py"]),
+        (["bpn.model.MotionModel"], ["test_tracks.py"]),  # tests something else
+        (["benchmarks/none.py"], []),
+        (["skimage.morphology.skeleton_of"], []),
+    ]:
+        assert list(wrong(row(functions, tests))), functions
+    with pytest.raises(AssertionError, match="of which module"):
+        list(wrong(row(["forward"], [])))
+    head = f"| {' | '.join(HEADER)} |\n{'|---' * len(HEADER)}|\n"
+    line = "| fish | Eq. 1 | x | [p](equations/p.md) | `a.b`, `c` | `t.py` |"
+    assert table(f"{head}{line}\n\nText\n| a | b |") == [
+        Row("fish", "Eq. 1", "x", "p.md", ["a.b", "c"], ["t.py"])
+    ]
+    with pytest.raises(AssertionError, match=r"equations.md:3: 3 cells"):
+        table(head + "| Eq. 1 | x | `a.b` |")
+    assert numbers_after("§3.1, Figs. 3–5, 7; Eq. 2", "Fig") == {3, 4, 5, 7}
+    assert equation_numbers("(2.7)–(2.9), (4.1)") == {(2, 7), (2, 8), (2, 9), (4, 1)}
+    assert tag_numbers("x \\tag{3.15}") == {(3, 15)}

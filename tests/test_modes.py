@@ -606,6 +606,12 @@ def test_a_wandering_fish_swims_as_the_film_does(network):
     far = measures.kinematic_distances(measures.motion_of_edit(table, network), film)
     assert far["speed_kinematic_distance_sd"] < 0.5
     assert far["turn_rate_kinematic_distance_sd"] < 0.5
+    # Nothing jumps: no tick moves or, but in a turn, turns the fish more than the film does.
+    moved = np.hypot(*np.diff(table[["x_px", "y_px"]].to_numpy(), axis=0).T)
+    assert moved.max() <= toy.phases().high / toy.RATE * toy.LENGTH * np.sqrt(2) + 1e-6
+    turned = np.abs(wrap_deg(np.diff(table["heading_deg"].to_numpy(float))))
+    in_turn = (table["state"] == "turn").to_numpy()[1:]
+    assert turned[~in_turn].max() <= np.abs(np.diff(toy.phases().drift_deg)).max() + 1
 
 
 def test_a_way_leads_round_a_wall_to_the_goal_and_into_a_corner():

@@ -92,6 +92,7 @@ def test_good_values_become_the_dataclass():
         ({"size_px": "3"}, "toy.size_px: should be a valid number, got '3'; type toy.size_px=3"),
         ({"size_px": None}, "toy.size_px: should be a valid number, got None"),
         ({"fish": 2.0}, "toy.fish: should be a valid integer, got 2.0; type toy.fish=2"),
+        ({"fish": True}, "toy.fish: should be a valid integer, got True"),
         ({"polarity": "drak"}, "toy.polarity: should be 'auto' or 'dark', got 'drak'; type toy.polarity=dark"),
         ({"fihs": 1}, "toy.fihs: unknown; did you mean toy.fish?"),
         ({"zzz": 1}, "toy.zzz: unknown; toy has " + ", ".join(TOY)),

@@ -24,7 +24,6 @@ from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
 from finloop.edit.build import build_edit_list
 from finloop.edit.joins import resolve_join_rules
-from finloop.edit.schema import WHY
 from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
@@ -385,11 +384,6 @@ def bodies_of(film_: MotionGraph) -> Bodies:
         FilmPoses(pose, codes, shapes(), False, 0.0, 3.0), film_.has_next.copy(),
         table.assign(row=np.minimum(table["row"], n - 1)),
     )  # fmt: skip
-
-
-def empty_reasons() -> dict[str, None]:
-    """The columns that say why, empty, as on most ticks of an edit list."""
-    return dict.fromkeys(WHY)
 
 
 def shoaling(zones: Zones) -> SchoolRule:

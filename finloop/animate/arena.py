@@ -285,7 +285,7 @@ def tank_area(
 def choose_fish_area(
     arena: Mask, hulls: FilmHulls, reach_px: float, tank_setting: str, floor: Picture | None = None
 ) -> Mask:
-    """Return where (h, w) a fish may be: `tank_area`, or "auto" the arena where that is too small.
+    """Return where (h, w) a fish may be: `tank_area`; with "auto" the arena if that is too small.
 
     It is too small if the fish, which reaches `reach_px` from its centre, does not fit in it. The
     other parameters are those of `tank_area`.

@@ -39,7 +39,7 @@ KINEMATICS = Schema(
 _ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
 
 
-def measure_edit_list(
+def measure_without_pictures(
     edit: pd.DataFrame, goals: Sequence[Goal], player: AnyPlayer, film_motion: tuple[Floats, Floats]
 ) -> dict[str, float]:
     """Return, by name, all measures of one fish's edit list that need no picture.

@@ -47,27 +47,6 @@ class Turns:
 
 
 @dataclass(frozen=True)
-class MotionStatistics:
-    """How the film's fish swim.
-
-    tracks: those that the rest is learnt from; straight_ticks (k,): durations of swimming between
-    two turns; delta: Δ in ticks; body_length_px: as drawn, `size` times as large as filmed.
-    """
-
-    tracks: "list[TrackKinematics]"
-    turns: Turns
-    straight_ticks: NDArray[np.int32]
-    rate_hz: float
-    delta: int
-    body_length_px: float
-    size: float = 1.0
-
-    def scale_to(self, size: float) -> "MotionStatistics":
-        """Return the statistics of a fish drawn `size` times as large as filmed."""
-        return replace(self, body_length_px=self.body_length_px * size / self.size, size=size)
-
-
-@dataclass(frozen=True)
 class TrackKinematics:
     """How one track swims, frame by frame (n,); speed, growth and sway are measured over Δ.
 
@@ -100,6 +79,27 @@ class SwimmingRun(NamedTuple):
     kind: int
     first: int
     end: int
+
+
+@dataclass(frozen=True)
+class MotionStatistics:
+    """How the film's fish swim.
+
+    tracks: those that the rest is learnt from; straight_ticks (k,): durations of swimming between
+    two turns; delta: Δ in ticks; body_length_px: as drawn, `size` times as large as filmed.
+    """
+
+    tracks: list[TrackKinematics]
+    turns: Turns
+    straight_ticks: NDArray[np.int32]
+    rate_hz: float
+    delta: int
+    body_length_px: float
+    size: float = 1.0
+
+    def scale_to(self, size: float) -> "MotionStatistics":
+        """Return the statistics of a fish drawn `size` times as large as filmed."""
+        return replace(self, body_length_px=self.body_length_px * size / self.size, size=size)
 
 
 Track = dict[str, NDArray[Any]]

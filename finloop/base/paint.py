@@ -135,7 +135,7 @@ def _paint_colour(
         return  # outside the picture
     # Paint a mask with FINE² pixels for each pixel; averaging them gives smooth edges.
     mask = np.zeros(tuple((high - low)[::-1] * FINE), np.uint8)
-    # In mask pixels, counted from the middle of the first, as whole numbers: so OpenCV wants them.
+    # OpenCV counts from the middle of the first pixel, in whole steps of 1 / 2**_SHIFT pixel.
     fine = [(contour - low) * FINE - 0.5 for contour in contours]
     lines = [np.round(contour * 2**_SHIFT).astype(np.int32) for contour in fine]
     if width_px is None:

@@ -161,7 +161,8 @@ def detect_in_clip(
         frames = clip.read(start=0, stop=clip.frames)
         adapted = add_learnt_backgrounds(frames, scene, clip.rate_hz)
         return (detector(frame, frame_scene) for frame, frame_scene in adapted)
-    # About four stretches or more for each worker, each a whole number of strides long.
+    # At least four stretches for each worker if the clip is long enough; all but the last one are
+    # a whole number of strides long.
     wanted_length = min(_STRETCH, clip.frames // (4 * workers.count))
     length = max(1, wanted_length // clip.stride) * clip.stride
     starts = range(0, clip.frames, length)

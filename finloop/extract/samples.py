@@ -209,9 +209,9 @@ def find_typical_fish(
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt and
     bubbles count little. All else is of the silhouettes with about that area: length, contrast and
-    edge_px are medians; it has limbs if the median number is above one, for a thin tail looks like
-    one. The spread is half the width of the middle 68 % of
-    lengths, relative to the median. FinloopError if no silhouette can be an isolated fish.
+    edge_px are medians; fins are chosen by `_choose_fins`; it has limbs if the median number of
+    limbs is above one, for a thin tail looks like one. The spread is half the width of the middle
+    68 % of lengths, relative to the median. FinloopError if no silhouette can be an isolated fish.
     """
     away_from_border = sorted(
         (s for s in silhouettes if not s.at_border), key=attrgetter("area_px")

@@ -330,8 +330,8 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
 
     mask: (h, w), the silhouette; field: (h, w), the difference from the tank. Near the outline a
     pixel is a blend of fish and tank, so alpha is its difference divided by the largest difference
-    within two pixels inside the fish, or by `floor` if that is larger. A pixel whose neighbours
-    are all in the mask has alpha 255, one that has none there 0.
+    within two pixels inside the fish, or by `floor` if that is larger. Alpha is 255 where a pixel
+    and all its neighbours are in the mask, 0 where none of them is.
     """
     height, width = mask.shape
     alpha = np.zeros((height, width), np.uint8)

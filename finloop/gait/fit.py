@@ -268,10 +268,11 @@ class Subcycle:
 
         The cubics go through both key frames. tau: shares 0-1 of the subcycle's time.
         """
-        linear = np.zeros(1)  # γ: evenly from key to key; the cubics add a part that is 0 at both
-        curved = self.samples.coefficients - self.predict(self.samples.tau, linear)
+        linear = np.zeros(1)  # γ: evenly from key to key
+        # The cubics are this straight motion, plus a part that is 0 at both keys.
+        bend = self.samples.coefficients - self.predict(self.samples.tau, linear)
         factors = np.linalg.lstsq(
-            _evaluate_two_cubics(self.samples.tau), curved.reshape(len(curved), -1), rcond=None
+            _evaluate_two_cubics(self.samples.tau), bend.reshape(len(bend), -1), rcond=None
         )[0]
         curved = (_evaluate_two_cubics(tau) @ factors).reshape(-1, *self.end.shape)
         return self.predict(tau, linear) + curved

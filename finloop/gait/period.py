@@ -274,7 +274,7 @@ def _trace_beat(modes: Floats, frame_rate_hz: float) -> tuple[Floats, Floats]:
     """Return the phase (frames,) of the beat in all modes, in cycles, and the share it explains.
 
     The share (frames,) is that of the variance about each frame, 0-1. modes (frames, m): scores of
-    the principal modes.
+    the principal modes; frame_rate_hz: frames per second, which cancels but for rounding.
     """
     # Frequencies from one cycle in the film to _FASTEST, with steps of a constant ratio.
     frames = len(modes)

@@ -80,10 +80,11 @@ def shipped_gait_files(shipped: Path) -> dict[str, Path]:
 def choose_frame_timing(
     frequency_hz: float, frames: int | None, rate: Fraction | None
 ) -> tuple[int, Fraction]:
-    """Return frames per cycle and frames per second of a gait with a frequency.
+    """Return frames per cycle and frames per second with which a gait is shown.
 
-    frames: per cycle; rate: frames per second. None is chosen so that the frequency is kept, about;
-    if both are None the rate is RATE. Given both, they stay.
+    frequency_hz: of the gait, cycles/s; frames: per cycle; rate: frames per second. If one is None
+    it follows from the other and the frequency; if both are, the rate is RATE. Chosen frames are
+    whole, LEAST_FRAMES to MOST_FRAMES, so the frequency may change. Given both, they stay.
     """
     if frames is None:
         rate = rate or RATE

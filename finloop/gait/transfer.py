@@ -148,11 +148,13 @@ def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
 
 def _standing_limbs(gait: Gait, phase: float) -> set[str]:
     """Return the ids of the limbs whose foot is on the ground at a phase, 0 to below 1 cycles."""
+    rounding = 1e-9  # cycles, as in `support_frames`
+    moments = phase, phase + 1, phase + 2  # a span ends at 2 at the latest
     return {
         name
         for name, spans in gait.support.items()
-        for start, end in spans  # within two cycles
-        if any(start <= moment <= end for moment in (phase, phase + 1, phase + 2))
+        for start, end in spans
+        if any(start - rounding <= moment <= end + rounding for moment in moments)
     }
 
 

@@ -134,7 +134,7 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
     )
     # One more gap, after which an animal may be anywhere: mismatches grow with the root of the gap.
     gaps = 2.0 ** np.arange(len(mismatches[best]))
-    *_, longest_mismatch = mismatches[best]
+    longest_mismatch = mismatches[best][-1]  # after the longest gap
     last = max(anywhere, longest_mismatch)
     beyond = gaps[-1] * (last / max(longest_mismatch, _LEAST_MISMATCH)) ** 2 + 1
     return GapDrift(

@@ -288,8 +288,8 @@ class LiveFish:
         """
         self.goal = self._make_goal(*goal_px) if goal_px else None
         self.path_task, self.rule_task, self.reached = None, None, False
-        # How many ticks of the planned motion may be played; 1 ends it at once. A drag does not
-        # put off an end that an earlier request has set to 1.
+        # After how many played ticks the planned motion ends (0: never); 1 ends it at once. A drag
+        # does not put off an end that an earlier request has set to 1.
         self._cut_after = self._drag_ticks if drag and self._cut_after != 1 else 1
 
     def follow_path(self, route: Route) -> None:
@@ -311,7 +311,7 @@ class LiveFish:
     def switch_mode(self, mode: str) -> None:
         """Change the fish's mode from the next tick on."""
         if mode != self.mode:
-            self.mode, self._cut_after = mode, 1  # cut the planned motion after one tick
+            self.mode, self._cut_after = mode, 1  # end the planned motion at once
 
     def redo_last_tick(self) -> None:
         """Decide the last tick again, because the user's request has changed since.
@@ -411,7 +411,7 @@ class LiveFish:
         self._plan_stretch(decision.goal, decision.state.fish.company)
         # Its motion has been played up to this tick.
         self._played = tick - decision.tick + 1
-        # The second picture of a planned cross-fade that was drawn without it was hidden.
+        # The plan has a second picture at this tick; if it was drawn with weight 0, it was hidden.
         self._was_hidden = self._planned_rows["weight"][self._played - 1] > 0 and row.weight == 0
         # What the user asked for at the tick may be newer than the decision, its mode included.
         self.goal, self.reached = None, row.reached

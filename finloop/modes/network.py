@@ -352,15 +352,13 @@ def _drift_towards_aim(drift_deg: Floats, approach: GoalApproach) -> Floats:
     return drift_deg * np.copysign(factor, approach.error * drift_deg[-1])
 
 
-def network_animator(
-    assets: ModeAssets, network: Network, p: CommonSettings, q: NetworkSettings
-) -> Animator:
+def network_animator(assets: ModeAssets, network: Network, p: CommonSettings) -> Animator:
     """Return the animator of mode `network` (Fig. 18).
 
-    assets: what the modes share, with sprites; network: the mode's flow chart; p, q: the groups
-    `animate` and `network` of the parameters.
+    assets: what the modes share, with sprites; network: the mode's flow chart; p: the group
+    `animate` of the parameters.
     """
-    return make_animator(assets, network, network.sprites, p, q.join)
+    return make_animator(assets, network, network.sprites, p, network.p.join)
 
 
 def make_network(assets: ModeAssets, model: MotionModel, q: NetworkSettings) -> Network:

@@ -101,7 +101,7 @@ def _phases_of_runs(
 
 
 class _PhaseFrames(NamedTuple):
-    """The frames of a phase in its track: the first, and one past the last."""
+    """A phase of a run: its state, its first frame in the track, and one past its last."""
 
     state: int
     first: int

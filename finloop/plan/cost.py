@@ -70,11 +70,12 @@ class Rarity:
     ) -> "Rarity":  # fmt: skip
         """Return the rarity of a film (n rows), from its steps and the movements of its fish.
 
-        movement: how far the body moves from each row to the next, in all and by bending alone;
-        codes (n, c): pose codes; goes_on (n,): whether the next row is the next frame; filmed_steps
-        (n,): Euclidean distance (Eq. 5) from a row's picture to the next, NaN where unknown: the
-        body's movement replaces it there; spring_response (t,): what is left of an offset of 1
-        after 0, 1 … ticks; weight: a step shown once in n frames costs weight × n ticks.
+        movement: body lengths that the body moves from each row to the next, in all and by bending
+        alone; codes (n, c): pose codes; goes_on (n,): whether the next row is the next frame;
+        filmed_steps (n,): Euclidean distance (Eq. 5) from a row's picture to the next, NaN where
+        unknown: the body's movement replaces it there; spring_response (t,): what is left of an
+        offset of 1 after 0, 1 … ticks; weight: a step shown once in n frames costs weight × n
+        ticks.
         """
         pairs = goes_on[:-1]  # of a row and the next one
         whole, bends = (values[pairs] for values in movement)
@@ -248,10 +249,10 @@ class Steering(NamedTuple):
     """How far a fish may be steered onto its path, and what leaving the path costs.
 
     turn [°/tick, of a fast fish], shift [px/tick at a body length/s]: the largest corrections,
-    smaller for a slower fish, none for a resting one; fast_bl_s: speed of a fast fish;
-    reach: ticks of film to look ahead; length_px: a body length. Costs, in ticks per tick: across,
-    late: of a body length beside the path, or from the place due now; heading: of a right angle to
-    the requested heading; effort: of the largest correction.
+    smaller for a slower fish, none for a resting one; fast_bl_s: speed of a fast fish, body
+    lengths/s; reach: ticks of film to look ahead; length_px: a body length. Costs, in ticks per
+    tick: across, late: of a body length beside the path, or from the place due now; heading: of a
+    right angle to the requested heading; effort: of the largest correction.
     """
 
     turn: float

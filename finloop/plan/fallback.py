@@ -38,8 +38,8 @@ class Fallback:
         """Return a stretch in place: the film plays on, and the fish turns towards the target.
 
         It shows the film's next row, or the best jump in place of it, and the rows after that: a
-        stride (ticks between two checks of a branch) at most, and up to where the film ends. Its
-        head moves no faster than a fast fish swims.
+        stride (ticks between two checks of a branch) at most, and up to where the film ends. It
+        turns as its pictures do, or faster: then its head moves at most as a fast fish swims.
         """
         world = self._world
         rows, trajectory = _turn_in_place(
@@ -56,8 +56,8 @@ class Fallback:
         """Return a stretch cut to its ticks that are inside the tank and clear of other fish.
 
         A fish that turns on the spot, but has no such tick inside the tank, stays at the wall. A
-        fish that moves aside is one that another fish blocks, or that turns on the spot so near
-        to another that they may touch.
+        fish moves aside if another one blocks it, or if it turns on the spot so near to another
+        that they may touch.
         """
         turns_on_spot = stretch.decision.reason == SPOT
         if turns_on_spot:  # every other stretch already ends before the walls

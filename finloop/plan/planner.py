@@ -376,9 +376,9 @@ class Planner:
     ) -> Plan | None:  # fmt: skip
         """Return the cheapest plan from the candidates of a search; None where no row can be shown.
 
-        source: the motion source of the candidates. A fish that wanders, or has others near it, is
-        searched for with a narrow beam. Where one that wanders alone finds no branch that leads on,
-        but branches were dropped from the beam, the search is repeated with the whole beam.
+        source: the motion source of the candidates. The beam is narrow for a fish that wanders or
+        has others near it. Where one that wanders alone finds no branch that leads on, but branches
+        were dropped from the beam, the search is repeated with the whole beam.
         """
         is_alone, on_path = not start.company.near_count, len(objective.route.x) > 0
         wanders = objective.aim.free and not on_path

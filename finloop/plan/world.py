@@ -61,11 +61,9 @@ class FilmWorld(World):
     @cached_property
     def cost_weights(self) -> CostWeights:
         """Return the settings of the search and the weights of its costs."""
-        motion, p = self.motion, self.settings
-        speeds, delta = self.film.speed[self.film.has_next], motion.delta
-        fast_bl_s = fast_speed(speeds, p) if len(speeds) else 1.0
+        motion, p, delta = self.motion, self.settings, self.motion.delta
         return CostWeights(
-            fast_px=fast_bl_s * motion.body_length_px / motion.rate_hz,
+            fast_px=self.fast_bl_s * motion.body_length_px / motion.rate_hz,
             turn_deg=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
             stride=max(1, self.to_ticks(p.search_step_deltas)), beam=p.beam,
             seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
@@ -74,11 +72,17 @@ class FilmWorld(World):
 
     @property
     def turn_on_spot_deg(self) -> float:
-        """Return how far a fish turns on the spot in a tick, at most, in degrees.
+        """Return how far [°] a fish on the spot turns in a tick, unless its pictures turn more.
 
         Its head, half a body length from its centre, then moves as far as a fast fish swims.
         """
-        return float(np.degrees(self.cost_weights.fast_px / (self.motion.body_length_px / 2)))
+        return float(np.degrees(2 * self.fast_bl_s / self.motion.rate_hz))
+
+    @cached_property
+    def fast_bl_s(self) -> float:
+        """Return the speed of a fast fish of the film, body lengths/s."""
+        speeds = self.film.speed[self.film.has_next]
+        return fast_speed(speeds, self.settings) if len(speeds) else 1.0
 
     @cached_property
     def fastest_bl_s(self) -> float:
@@ -103,7 +107,7 @@ class FilmWorld(World):
         return Steering(
             turn=max(p.path_max_correction_ratio * self.turn_spread_deg / motion.delta, 1e-6),
             shift=p.path_max_correction_ratio * motion.body_length_px / motion.rate_hz,
-            fast_bl_s=self.cost_weights.fast_px * motion.rate_hz / motion.body_length_px,
+            fast_bl_s=self.fast_bl_s,
             reach=self.steering_ticks, length_px=motion.body_length_px,
             across=p.path_offset_cost, late=p.path_late_cost,
             heading=p.path_heading_cost, effort=p.path_correction_cost,

@@ -172,8 +172,9 @@ def _most_changed_place(before: Picture, after: Picture) -> Box:
 def _crop_around(frame: Picture, box: Box, outlines: Sequence[Edge] = ()) -> Picture:
     """Return the part of a frame (h, w[, 3]) around a box, as a small picture (h, w, 3).
 
-    The part has the shape 4:3, is _AROUND times as large as the box and at least _CLOSEST_PX wide,
-    and is cut at the frame's edges. outlines: drawn into the picture, px of the frame.
+    The part has the shape 4:3, is _AROUND times as large as the box and at least _CLOSEST_PX wide.
+    It is moved into the frame, and reduced where the frame is smaller. outlines: drawn into the
+    picture, px of the frame.
     """
     left, top, width, height = box
     wanted = max(_CLOSEST_PX, _AROUND * max(width, height * _WIDTH_PX / _HEIGHT_PX))

@@ -75,8 +75,9 @@ def good_direction(measure: str) -> str:
 def _good_direction_of_mode(name: str) -> str:
     """Return HIGHER or LOWER where that is better for a number `<mode>_<measure>`, else "".
 
-    The beginning of the measure's target in the report says it, such as "≥". A measure without a
-    target may stand in `_OTHER_DIRECTIONS`, there without the `trials_` of random goals.
+    The beginning of the measure's target in the report says it, such as "≥"; a target that begins
+    otherwise has no direction. A measure without a target may stand in `_OTHER_DIRECTIONS`, there
+    without the `trials_` of random goals.
     """
     key = name.partition("_")[2]  # after the mode
     targets = {measure.key: measure.target for measure in MEASURES}

@@ -130,5 +130,5 @@ class Feed:
     def _picture_message(self, number: int, slot: int) -> bytes:
         """Return the message with the picture of a film row, for a slot of the page's memory."""
         picture = self._load_picture(number)
-        facts = {"kind": "picture", "picture": number, "slot": slot} | picture.describe(number)
+        facts = {"kind": "picture", "slot": slot} | picture.describe(number)
         return pack_message(facts, picture.to_bytes())

@@ -10,8 +10,8 @@ from stages.animation import write_animation
 
 def open_mode(project: Project) -> Animator:
     """Return the animator of mode `network`, with the results of earlier stages."""
-    assets, network, settings = project.sprite_assets, project.network_mode, project.settings
-    return network_animator(assets, network, settings("animate"), settings("network"))
+    p = project.settings("animate")
+    return network_animator(project.sprite_assets, project.network_mode, p)
 
 
 def main() -> None:

@@ -278,11 +278,12 @@ class Swimmer:
     def _begin_at_random(
         self, others: Sequence["Swimmer"], may_turn: bool, wall_distance: float
     ) -> None:
-        """Begin a random kind of motion: cruising where another kind is drawn but not possible.
+        """Begin a random kind of motion: a glide, a turn, a burst or cruising.
 
-        A glide does not follow a glide; a turn needs open water; a burst needs 2.5 body lengths up
-        to the wall. others: the other fish; may_turn: whether a turn may begin; wall_distance:
-        straight on, body lengths.
+        A fish that glides already turns instead of gliding again. It cruises in place of a turn
+        that may not begin or finds no angle, and of a burst within 2.5 body lengths of the wall.
+        others: the other fish; may_turn: whether a turn may begin; wall_distance: straight on, body
+        lengths.
         """
         chance = float(self.rng.random())
         if self.mode != "glide" and chance < 0.35:

@@ -111,7 +111,7 @@ def _paint_landscape(
 
 
 def _fill_polygon(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
-    """Fill a polygon (n, 2) px of a picture with a colour; its corners are exact to 1/64 px."""
+    """Fill a polygon (n, 2) px of a picture; corners are rounded to 1 / 2^SUBPIXEL px."""
     nodes = np.rint(points * (1 << SUBPIXEL)).astype(np.int32)
     cv2.fillPoly(picture, [nodes], colour, cv2.LINE_AA, SUBPIXEL)
 

@@ -16,6 +16,7 @@ from tifffile import TiffFile, TiffFileError
 from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads, ordered_map
+from finloop.base.stretches import spread_rows
 from finloop.base.thin import thin_frame
 from finloop.io.footage.arrays import open_array, to_picture
 from finloop.io.footage.source import (
@@ -138,7 +139,7 @@ def open_pictures(
         if times is None:
             times = frame_numbers / float(rate)
         first = load(0)
-        sampled = np.unique(np.linspace(0, len(names) - 1, SAMPLES).astype(int))
+        sampled = spread_rows(np.arange(len(names)), SAMPLES)
         samples = [thin_frame(load(int(k))) for k in sampled]
     levels = None if first.dtype == np.uint8 else choose_deep_levels(samples)
     if colour is None:

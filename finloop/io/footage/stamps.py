@@ -54,10 +54,10 @@ def times_in_files(files: Iterable[Path]) -> Floats | None:
 
 
 def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
-    """Return the times [s after the first] (count,) of a stack's pages; None if it states none.
+    """Return the times [s after the earliest] (count,) of a stack's pages; None if unknown.
 
     They are the times that OME gives each page, else multiples of the step that OME or ImageJ
-    gives, else those in the pages' tags if they are plausible.
+    gives, else those in the pages' tags, unless these are not plausible (`_plausible_times`).
     """
     facts = stack.imagej_metadata or {}
     step_s = float(facts.get("finterval") or 0) * _UNITS_S.get(str(facts.get("tunit", "s")), 0.0)
