@@ -112,7 +112,7 @@ def _save_animation(
     player = animator.player
     film_motion = measures.motion_of_film(project.features, player.world.motion)
     fish_edits, fish_measures = split_by_fish(edit), []
-    for fish_edit, fish_goals in zip(fish_edits, animator.goals_of(goals), strict=True):
+    for fish_edit, fish_goals in zip(fish_edits, animator.goals_by_fish(goals), strict=True):
         numbers = measures.measure_without_pictures(fish_edit, fish_goals, player, film_motion)
         numbers |= measure_pictures(fish_edit, animator, steps, project.rate_hz)
         fish_measures.append(numbers)

@@ -43,11 +43,12 @@ def _load_visible(project: Project) -> VisibleDistance:
 
 
 def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return the RMS errors of guesses of the motion area Δ later, by name.
+    """Return the RMS errors of two predictions of the motion area Δ after held-out rows, by name.
 
-    They are `area_rmse`, of the model, and `persistence_area_rmse`, of the guess that nothing
-    changes, in shares of the film's largest motion area. Δ is the time in which motion is measured.
-    The result is {} if the film goes on for Δ after no held-out row.
+    Key area_rmse: error of the model; persistence_area_rmse: error of the prediction that nothing
+    changes. Both are shares of the film's largest motion area. Δ is the time over which motion is
+    measured. Held-out rows count only if they and the rows after them, Δ in all, are usable
+    (`FilmStates`). The result is {} if there are none.
     """
     features, poses, film = project.features, project.poses, project.forecast_states
     rows = parts.held_out[parts.held_out < film.count]  # the later ones are mirror images
@@ -59,10 +60,10 @@ def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[st
     codes[:, : states.shape[1] - MOTION] = states[:, :-MOTION]
     areas = assess.posture_motion_areas(poses.shapes.decode(codes))
     true = features["motion_area_rel"].to_numpy(float)
-    guesses = {"": areas / features["motion_area"].max(), "persistence_": true[rows]}
+    predictions = {"": areas / features["motion_area"].max(), "persistence_": true[rows]}
     return {
-        f"{name}area_rmse": float(np.sqrt(np.mean((guess - true[rows + film.delta]) ** 2)))
-        for name, guess in guesses.items()
+        f"{name}area_rmse": float(np.sqrt(np.mean((predicted - true[rows + film.delta]) ** 2)))
+        for name, predicted in predictions.items()
     }
 
 

@@ -195,10 +195,11 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
 
 def map_row_blocks(work: Callable[[slice], B], count: int) -> list[B]:
-    """Divide `count` rows into blocks; return `work(block)` of each in order, by all threads.
+    """Call `work` for each block of `count` rows, in several threads; return the results in order.
 
-    A block is a slice of 10,000 rows: few enough to save memory. work: compiled for its most part,
-    as kernels run beside each other.
+    A block is a slice of at most 10,000 rows, few enough to save memory. work: takes such a slice.
+    It should spend most of its time in compiled code (NumPy, OpenCV, numba), because only such code
+    runs in several threads at once.
     """
     blocks = [slice(first, first + _BLOCK) for first in range(0, count, _BLOCK)]
     with ThreadPoolExecutor(numba.get_num_threads()) as pool:

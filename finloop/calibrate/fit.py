@@ -137,10 +137,13 @@ def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
 
 
 class _SumsWithin(NamedTuple):
-    """For n fish and k radii: the sum of the neighbours' vectors within each, and their count."""
+    """Sums over the neighbours of n fish that are nearer than each of k radii.
 
-    vectors: Complex  # (n, k)
-    counts: Ints  # (n, k)
+    vectors (n, k): sum of these neighbours' vectors, complex; counts (n, k): their number.
+    """
+
+    vectors: Complex
+    counts: Ints
 
     def ring_mean(self, outer: int, inner: int | None = None) -> Complex:
         """Return the mean vector (n,) of the neighbours between two radii; 0 where there is none.
@@ -154,7 +157,11 @@ class _SumsWithin(NamedTuple):
 
 
 def _sum_within(vectors: Complex, within: Mask) -> _SumsWithin:
-    """Return the sums of vectors (n, m) over k masks of neighbours (n, m, k)."""
+    """Return the sums of the neighbours' vectors, and their numbers, for n fish and k radii.
+
+    vectors (n, m): one of each fish's m neighbours, such as a heading; within (n, m, k): whether
+    each neighbour counts for each radius.
+    """
     return _SumsWithin((vectors[..., None] * within).sum(axis=1), within.sum(axis=1))
 
 

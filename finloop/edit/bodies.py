@@ -102,8 +102,8 @@ class Bodies:
         return row, self.sprites["mirrored"].to_numpy(bool), heading_deg, turn_deg
 
     @cached_property
-    def _code_speeds(self) -> Floats:
-        """Return how fast the pose codes (n, c) change at every row, per frame."""
+    def _code_velocities(self) -> Floats:
+        """Return the change per frame of each pose code at every row, signed: (n, c)."""
         codes, goes_on = self.poses.codes, self.goes_on
         # The next and the previous frame of the track; at its ends the row itself.
         after = np.arange(len(codes)) + goes_on
@@ -170,9 +170,12 @@ class Bodies:
         """Return the pose codes (…, c), principal-component scores, of bodies as drawn."""
         return self._mirror_codes(self.poses.codes[body.row], body.mirrored)
 
-    def code_speed(self, body: Body) -> Floats:
-        """Return by how much the pose codes (…, c) of bodies, as drawn, change per frame."""
-        return self._mirror_codes(self._code_speeds[body.row], body.mirrored)
+    def code_velocity(self, body: Body) -> Floats:
+        """Return the change per frame of each of c pose codes, signed, of bodies (…): (…, c).
+
+        For a mirrored body it is that of the mirrored codes.
+        """
+        return self._mirror_codes(self._code_velocities[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
         """Return pose codes (…, c), those mirrored that a mask (…) marks."""

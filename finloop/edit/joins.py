@@ -256,10 +256,10 @@ def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[
     new_turn_deg = np.where(plays_on, new_turn_deg, old_turn_deg)
     is_held = (drawn.row[ahead] == new.row) & (ahead > joins)  # its pose has no velocity
     codes = bodies.codes(old) - bodies.codes(new)
-    code_speed = bodies.code_speed(old) - bodies.code_speed(new) * ~is_held[:, None]
+    code_velocity = bodies.code_velocity(old) - bodies.code_velocity(new) * ~is_held[:, None]
     offset, velocity = np.zeros((2, ticks, codes.shape[1] + 1))
     offset[joins] = np.column_stack([codes, wrap_deg(old.heading_deg - new.heading_deg)])
-    velocity[joins] = np.column_stack([code_speed, old_turn_deg - new_turn_deg])
+    velocity[joins] = np.column_stack([code_velocity, old_turn_deg - new_turn_deg])
     return offset, velocity
 
 

@@ -74,14 +74,14 @@ class Pictures:
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
-        """Return the pictures (s, size, size, channels) of all sprites, headed right."""
+        """Return the pictures (s, size, size, channels) of all sprites, headed to the right."""
         return self.reel.draw_sprites(self.size)
 
     @cached_property
     def sprite_successors(self) -> Picture:
-        """Return pictures of the film frames that follow the sprites, as if these headed right.
+        """Return pictures of the film frames that follow the sprites, headed to the right.
 
-        They are (s, size, size, channels).
+        They are (s, size, size, channels), each turned as the next sprite would be.
         """
         return self.reel.draw_frames_after_sprites(self.size)
 
@@ -186,9 +186,12 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
 
 
 def _draw_due_picture(before: Any, turn_deg: float, pictures: Pictures) -> Picture:
-    """Return the picture that the film would show after a row of an edit list, as filmed.
+    """Draw what the film would show after a row of an edit list, in the posture that was filmed.
 
-    A frame is turned by `turn_deg` further; what follows a sprite is headed right.
+    before: that row, as a named tuple. If it shows a frame, the film's next frame is drawn: turned
+    as that frame is in the row, and by `turn_deg` more, degrees anticlockwise on screen. If it
+    shows a sprite, the film's next frame is drawn with the fish headed to the right; then
+    `turn_deg` has no effect.
     """
     if before.kind == SPRITE:
         return pictures.sprite_successors[before.source]

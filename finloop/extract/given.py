@@ -232,11 +232,15 @@ def match_silhouettes(
 ) -> list[tuple[Outcome, int | None]]:
     """Return for each tracked animal of a frame an outcome, and the number of its silhouette.
 
-    points: (animals, k, 2) px, where the animals are; length_px: a body length. An animal is within
-    a silhouette that is at most 0.1 body lengths from its points, and takes the nearest of these.
-    Every other animal takes the nearest silhouette that no animal is within, up to a body length
-    away; its number is None if there is none. Outcomes: "used", "not isolated" from other fish,
-    "shared" by several animals, "no silhouette".
+    points: (animals, k, 2) px, each animal's points in the tracks, NaN where missing; length_px: a
+    body length. Distances are means over an animal's points. First, each animal takes the nearest
+    silhouette, if that is at most 0.1 body lengths away. Then each animal without one takes the
+    nearest of the remaining silhouettes, if that is at most a body length away. The outcomes are:
+
+    - "used": the animal has a silhouette to itself, which is that of an isolated fish;
+    - "not isolated": it has one to itself, which is not that of an isolated fish (`Outcome`);
+    - "shared": several animals have taken its silhouette;
+    - "no silhouette": it has taken none, so the number is None.
     """
     if not len(points) or not silhouettes:
         return [("no silhouette", None)] * len(points)

@@ -199,11 +199,12 @@ def _add_dark_skin(
 
 
 def _find_patch_edges(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
-    """Yield the edges of the connected patches that exceed a level, from the bottom to the top.
+    """Yield the edge of each connected patch above a grey level, from the picture's bottom up.
 
-    change: (h, w), the difference from the empty tank; in the rows that are searched, it is set to
-    0 outside of the arena. arena: (h, w), 255 inside; level: grey level. Edges are in px of the
-    picture.
+    Edges are in px of the picture. change: (h, w) grey levels, the difference from the empty tank.
+    `change` itself is altered: outside of the arena it becomes 0, in the rows of pixels that are
+    searched. Those are the rows with a pixel above the level, and the rows near them. arena: (h,
+    w), 255 inside, 0 outside.
     """
     rows = np.flatnonzero(change.max(axis=1) > level)
     if not len(rows):

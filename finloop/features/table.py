@@ -226,10 +226,12 @@ def choose_turn_thresholds(
     heading_deg: Reals, bend: Reals, tracks: Sequence[slice], delta_frames: int,
     settings: FeaturesSettings,
 ) -> TurnThresholds:  # fmt: skip
-    """Return the thresholds of a turn: each is given in the settings, or `auto` and measured.
+    """Return the change of heading and the bend from which on a motion is a turn.
 
-    heading_deg (n,), bend (n,), signed body length²: of all rows; tracks: the rows of each track;
-    delta_frames: time Δ over which headings change.
+    Each threshold is the number in the settings; if it is "auto" there, it is measured in the film.
+    heading_deg (n,): heading of each row of the film, degrees; bend (n,): signed motion area of
+    each row, body length²; tracks: the rows of each track; delta_frames: the time over which a
+    change of heading is measured, Δ in frames.
     """
     headings, bends = [heading_deg[rows] for rows in tracks], [bend[rows] for rows in tracks]
     limits = measure_turn_thresholds(headings, bends, delta_frames)

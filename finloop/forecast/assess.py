@@ -168,11 +168,12 @@ def _controlled_motion(
 def measure_control_slopes(
     sampler: Sampler, film: FilmStates, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return how well a fish obeys its control over the time Δ: slopes of motion against control.
+    """Return how well a simulated fish obeys its control: slopes of its motion against the control.
 
-    Keys displacement_slope, angle_slope: 1 if the fish moves as controlled, 0 if it ignores the
-    control; left out if the control never varies. The fish starts at random rows, with controls of
-    similar rows.
+    A control is the displacement [body lengths] and the turn [rad] wanted over the time Δ. In each
+    trial a fish starts at a random film row, and takes the control of a random row that is similar
+    to it. Keys displacement_slope, angle_slope: 1 if the fish moves as controlled, 0 if it ignores
+    the control. A key is missing if its control is the same in all trials.
     """
     controls, motions = [], []
     for row in rng.choice(film.rows, _TRIALS).tolist():

@@ -101,12 +101,18 @@ def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np
 
 
 def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
-    """Yield pairs (k, 2) of the film's rows, ascending, and similar rows, the most similar first.
+    """Yield batches of pairs (k, 2) of similar rows: a row of the film, and a row similar to it.
 
-    look (m, k): light and skin of each row; the rows after a pair look alike. A row has up to twice
-    `p.similar_frames` similar rows, each of another passage of film. Pairs come in batches. In a
-    film of several parts (`assign_parts`) all neighbours of a row are in one part, which changes
-    every few thousand rows.
+    Two rows are similar if their pasts are near (`_embed_pasts`), and if the rows after them differ
+    by at most `p.look` in light and skin. look (m, c): light and skin of each row, as c numbers.
+    Mirror images are among the m rows; only the second row of a pair can be one.
+
+    First rows ascend. Each has up to twice `p.similar_frames` similar rows, the most similar first.
+    They lie in different passages of the film, and none lies in the passage of the first row. A
+    mirror image is another passage.
+
+    A long film is divided into parts (`assign_parts`). The similar rows of one first row all come
+    from one part. The next `_TURN` first rows take theirs from the next part.
     """
     rows = film.rows
     own_count = int((rows < film.count).sum())  # the first of `rows`; the rest are mirror images

@@ -143,12 +143,18 @@ class LiveTank:
             raise _paper_error(request, self.mode)
 
     def follow_path(self, fish_index: int | None, places: Sequence[tuple[float, float]]) -> None:
-        """Send a fish along a drawn path.
+        """Send a fish along a path that a user has drawn.
 
-        fish_index: from 0; None: all fish. places: x, y px of the tank's picture. The path is moved
-        to where a fish can be. If all of it lies within `touch_px` of its beginning, its end is a
-        goal. If it goes more than twice `touch_px` away, and ends within `touch_px`, it is closed
-        and repeats. FinloopError in a mode of the paper.
+        fish_index: from 0; None: all fish. places: points of the path, x, y px of the tank's
+        picture; each is first moved to the nearest place where a fish can be. Then the distances
+        from the first point decide what the drawing means:
+
+        - no point is farther than `touch_px`: a goal, at the last point;
+        - a point is farther than twice `touch_px`, and the last one is within `touch_px`: a closed
+          path, which the fish swims again and again;
+        - else: a path that the fish follows once, to its end.
+
+        FinloopError in the paper's modes (network, loops, hybrid), where fish follow no paths.
         """
         self._refuse_in_paper("a path")
         world = self.world

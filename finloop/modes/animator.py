@@ -101,8 +101,12 @@ class Animator:
         rng = np.random.default_rng([self.p.seed, number])
         return [SwimTask(random_goals(self.player.world, self.p.trial_goals, rng), rng)]
 
-    def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return the goals that each fish swims to; empty for a fish with another task."""
+    def goals_by_fish(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
+        """Return for each fish those of an animation's `goals` that it swims to, in their order.
+
+        A fish that follows a path or a rule has none. The other fish share the goals, which are
+        dealt in turn: the first goal to the first fish (`deal_goals`).
+        """
         return [task.goals for task in self.tasks(goals)]
 
     def check_room(self, goals: Sequence[Goal]) -> None:

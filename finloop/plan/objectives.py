@@ -55,9 +55,10 @@ def path_objective(route: Route, steering: Steering) -> Objective:
 
 @leaf_kernel
 def is_objective_done(search, branch):  # type: ignore[no-untyped-def]
-    """Return whether a branch of the search is at its path's end, or touches its target.
+    """Return whether a branch of the search is at its path's end, or has reached its target.
 
-    At the target the film must be able to play on. search: `Search`; branch: of dtype `BRANCH`.
+    A target is reached where the fish touches it, at a row after which the film can play on for
+    ever. search: `Search`; branch: of dtype `BRANCH`.
     """
     objective, rows = search.objective, search.graph.film.rows
     if objective.route.x.size:
@@ -110,11 +111,14 @@ def estimate_angle_deg(cosine: float) -> float:
 
 @leaf_kernel
 def cost_of_time(search, branch):  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of the time that a branch of the search (dtype `BRANCH`) takes.
+    """Return the cost, in ticks, of the time that a branch of the search takes.
 
-    To a goal each tick costs one. On a path without times each tick that brings no progress costs
-    `SearchStart.rest_cost`; on a path with times 0, as the delay has a cost of its own. search:
-    `Search`.
+    - No path: each tick costs one.
+    - A path whose points have no times: each tick beyond those that a fast fish needs for the same
+      progress costs `SearchStart.rest_cost`.
+    - A path whose points have times: 0, because being late has its own cost.
+
+    search: `Search`; branch: of dtype `BRANCH`.
     """
     route, start = search.objective.route, search.start
     if not route.x.size:

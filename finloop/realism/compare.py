@@ -52,7 +52,7 @@ class FilmSample:
 
     @property
     def window_cut(self) -> WindowCut:
-        """Return the length, stride and step of the windows, in frames."""
+        """Return how windows are cut, in frames; the parameters give these times in Δ."""
         p = self.p
         return window_cut_from_deltas(p.window_deltas, p.stride, p.step, self.delta)
 

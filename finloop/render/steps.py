@@ -25,10 +25,11 @@ class FrameChangeMeter:
         self._last: tuple[Box, NDArray[np.uint8]] | None = None
 
     def measure_change(self, box: Box) -> float:
-        """Return the canvas's change since the last call; NaN at the first call.
+        """Return how much the canvas has changed since the last call; NaN at the first call.
 
-        It is the Euclidean distance of all pixels, in grey levels; of colours the root mean square
-        of the channels counts. box: holds all that is drawn now.
+        The change is the Euclidean distance of the two whole pictures, in grey levels. In colour,
+        the difference at a pixel is the root mean square of the differences of its channels. box:
+        encloses all that is drawn now; outside of it the canvas shows the empty floor.
         """
         canvas, last = self._painter.canvas, self._last
         self._last = box, canvas[box.slices].copy()

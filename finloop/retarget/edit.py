@@ -40,19 +40,19 @@ class RowSequence:
         return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
-def shown_pose_codes(sources: RowSequence, heading_deg: Floats, joins: JoinRules) -> Floats:
-    """Return the pose codes (T, c) of the shown rows, smoothed over jumps if they are inertialized.
+def shown_pose_codes(sources: RowSequence, joins: JoinRules) -> Floats:
+    """Return the pose codes (T, c), principal-component scores of the posture, drawn at each tick.
 
-    Pose codes are principal-component scores of the posture. heading_deg (T,): on screen; joins:
-    how jumps are drawn.
+    sources: the row shown at each of T ticks. joins: how jumps are drawn. If its kind is INERTIAL,
+    the difference between the postures before and after a jump dies away over the next ticks.
     """
-    shown = sources.to_pictures(heading_deg, joins.bodies)
-    bodies = joins.bodies
+    bodies, any_heading_deg = joins.bodies, np.zeros(len(sources.row))  # codes do not depend on it
+    shown = sources.to_pictures(any_heading_deg, bodies)
     drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
     codes = bodies.codes(drawn)
     if joins.kind != INERTIAL:
         return codes
-    states = inertialize_pictures(shown, heading_deg, joins)
+    states = inertialize_pictures(shown, any_heading_deg, joins)
     # `posed`: the ticks soon after a jump, whose pose is changed.
     return np.where(states.posed[:, None], states.codes, codes)
 

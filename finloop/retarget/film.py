@@ -274,7 +274,7 @@ def _choose_rows_without_postures(
     """
     sources = _choose_rows(track, rows, film, p)
     heading = np.unwrap(track.pose.heading_rad)
-    codes = shown_pose_codes(sources, np.degrees(heading), joins)
+    codes = shown_pose_codes(sources, joins)
     postures = film.poses.shapes.decode(codes)
     # From two or more points the heading follows; a single one shows none.
     known_heading = heading if len(track.along) == 1 else None

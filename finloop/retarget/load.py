@@ -64,8 +64,8 @@ def film_track_files(folder: Path) -> list[Path]:
 def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
     """Return a track of another film, loaded from its folder data/.
 
-    steps: of a backbone of the drawn film. FinloopError if the film's tables do not match, or the
-    track is missing.
+    steps: number of segments of a backbone in the film that is to be drawn. FinloopError if the
+    other film's tables do not match, or the track is missing.
     """
     scene = load_record(folder / _SCENE, SceneFacts, "extract")
     features = load_table(folder / _FEATURES, FEATURES)

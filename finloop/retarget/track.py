@@ -53,8 +53,10 @@ class Track(NamedTuple):
 def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
     """Return the track of the animal that the settings `p` name, from a file of poses.
 
-    rate_hz: frames per second of the file; steps: of a backbone of the drawn film. FinloopError if
-    the file has no such animal or point, or no usable values of them.
+    rate_hz: frames per second of the file; steps: number of segments of a backbone in the film that
+    is to be drawn. A track of three keypoints or more is resampled at the points of such a backbone
+    that lie within `p.keypoint_range`. FinloopError if the file has no such animal or keypoint, or
+    no usable values of them.
     """
     name, frame, points = _select_animal(poses, p)
     order = body_keypoint_numbers(poses.keypoints, points, p)
@@ -84,11 +86,11 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
 def track_from_backbones(
     name: str, rate_hz: float, frame: Ints, backbone: Floats, steps: int
 ) -> Track:
-    """Return a track of backbones (t, k, 2) px, resampled to the steps of another film's.
+    """Return a track of backbones (t, k, 2) px, resampled to as many points as another film's.
 
     name: of the film they come from, for messages; frame (t,): their frame numbers; backbone: its k
-    points are equally far apart, head first; steps: of a backbone in the film that is to be drawn.
-    The track has steps + 1 points.
+    points are equally far apart, head first; steps: number of segments of a backbone in the film
+    that is to be drawn. The track has steps + 1 points.
     """
     along = np.arange(steps + 1) / steps
     points = interpolate_lines(backbone, along * (backbone.shape[1] - 1))

@@ -221,10 +221,11 @@ def find_tail_beats(
 ) -> pd.DataFrame:
     """Return the candidates for a tail beat: straight swimming with one wave of the tail.
 
-    table: from `swimmer_table`; delta_frames: Δ, the unit of a beat's length in the settings. The
-    columns are those of `_candidate_table`, with a fault more: "untypical beat", by how many
-    octaves its swing differs from the median. A fault is 1 where the settings set its limit. Where
-    nothing swims straight for so long, the result is empty and has no columns.
+    table: from `swimmer_table`; delta_frames: Δ in frames, the unit of beat lengths in `settings`.
+    The result has a row per candidate and the columns of `_candidate_table`, where a fault of 1 is
+    just acceptable. One more column is the fault "untypical beat". It says by how many octaves the
+    range of the tail tip differs from the candidates' median. If no fish swims straight for the
+    shortest beat, the result has neither rows nor columns.
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
     most = round(settings.beat_most * delta_frames)

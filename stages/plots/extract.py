@@ -33,7 +33,7 @@ from stages.settings import load_settings
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/film/extract")
 FRAMES = 4  # whose detections are drawn, of all films together
-THINNED = 50  # frames whose fish are thinned, to choose two for Figs. 3, 4
+THINNED_FRAMES = 50  # whose fish are thinned, of all films together: two are drawn in Figs. 3, 4
 
 
 class ExtractedFilm(NamedTuple):
@@ -69,7 +69,7 @@ def main() -> None:
         extraction = film.scene, film.typical, film.arena, settings
         pictures.append(draw_detections(frames, labels, *extraction))
     save_picture(REPORT / "detections.png", stack_pictures(pictures))
-    fish, caption = choose_fish_to_draw(_thin_films(films, settings))
+    fish, caption = choose_fish_to_draw(_thin_fish_in_films(films, settings))
     save_figure(REPORT / "fig3_4.png", figure3_4(fish, caption))
 
 
@@ -92,9 +92,14 @@ def load_extracted_film(name: str, home: Path) -> ExtractedFilm:
     return ExtractedFilm(name, clip, facts, scene, typical, arena)
 
 
-def _thin_films(films: list[ExtractedFilm], settings: ExtractSettings) -> Iterator[ThinnedFish]:
-    """Yield the fish of about THINNED frames spread over the films, thinned to lines 1 px wide."""
-    count = max(1, THINNED // len(films))
+def _thin_fish_in_films(
+    films: list[ExtractedFilm], settings: ExtractSettings
+) -> Iterator[ThinnedFish]:
+    """Yield the fish in some frames of all films, each thinned to lines 1 px wide.
+
+    The frames are spread evenly over each film. All films together have about `THINNED_FRAMES`.
+    """
+    count = max(1, THINNED_FRAMES // len(films))
     for film in films:
         for label, frame in film.read_frames(count):
             yield from thin_fish(frame, label, film.scene, film.typical, film.arena, settings)
