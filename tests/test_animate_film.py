@@ -275,7 +275,8 @@ def three_ways(wall=False):
     arena = toy.ARENA.copy()
     if wall:
         arena[:, 520:] = False
-    player = film_player(reel, make_tank(arena, 0.6 * toy.LENGTH))
+    # Rare steps cost so much that a turn on the spot, which no film shows, never pays.
+    player = film_player(reel, make_tank(arena, 0.6 * toy.LENGTH), rarity_weight=1.0)
     return player, Fish(400.0, 300.0, 0.0, toy.SPEED, IN_FILM, -1, row=19, since=100)
 
 
@@ -412,6 +413,29 @@ def test_a_row_that_was_added_is_marked_and_few_others_are():
         assert np.mean([bool(mark_rows(0, row, row) & marks) for row in others]) < 0.3
 
 
+@pytest.mark.parametrize(("rarity_weight", "reason"), [(0.01, "spot"), (1.0, "play")])
+def test_a_fish_turns_on_the_spot_first_only_where_that_costs_less(rarity_weight, reason):
+    """The goal is behind the fish, and the film shows no turn; or a turn costs too much."""
+    pairs = toy.loops(*((row, 199 - row) for row in range(10, 100, 10)))
+    reel = toy.film_of(toy.table_of(toy.arc_track([0.0] * 199)), pairs)
+    player = film_player(reel, rarity_weight=rarity_weight)
+    fish = Fish(300.0, 300.0, 0.0, toy.SPEED, IN_FILM, -1, row=25)
+    state, goal = State(fish, np.zeros(2)), Goal("A", 100.0, 300.0)
+    found, _ = player.plan(state, goal, np.random.default_rng(0))
+    decision = found.decision
+    assert decision.reason == reason and decision.candidates == 1
+    if reason == "spot":
+        terms, others = (
+            {name: costs[k] for k, name in enumerate(TERMS)}
+            for costs in (decision.taken_terms, decision.other_terms)
+        )
+        turn_ticks = 180 / player.world.turn_on_spot_deg
+        assert terms["rarity"] == pytest.approx(turn_ticks * 199 * rarity_weight / toy.RATE)
+        assert decision.value_s == pytest.approx(sum(terms.values()))
+        assert decision.value_s < sum(others.values()) - others["chance"]
+        assert "turn first" in describe_decision(decision, "A", 0.0)
+
+
 # --- what is written down
 
 
@@ -423,7 +447,9 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
     weighed = candidate_table(found, 900, toy.rich_film().filmed_count)
     save_table(tmp_path / "b.parquet", weighed, CONSIDERED)
     again = load_table(tmp_path / "b.parquet", CONSIDERED)
-    assert (again.groupby("tick")["taken"].sum() == 1).all()
+    counts = again.groupby("tick")["taken"].sum()
+    turns_first = (back["reason"] == "spot") & back["taken_time_s"].notna()
+    assert (counts == np.where(turns_first[counts.index], 0, 1)).all()
     assert set(again["fails"]) <= {"", "tank", "quadrant", "heading", "passed over"}
     assert (again["value_s"].isna() <= again["fails"].isin(["tank", "passed over"])).all()
     taken = again[again["taken"]]
@@ -437,7 +463,8 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
     for term in TERMS:  # of the way taken, and of the cheapest other one
         costs = taken[f"{term}_s"].to_numpy()
         assert decided[f"taken_{term}_s"].to_numpy() == pytest.approx(costs, nan_ok=True)
-    rest = again[~again["taken"] & again["value_s"].notna()]
+    is_decided = again["tick"].isin(taken["tick"])
+    rest = again[is_decided & ~again["taken"] & again["value_s"].notna()]
     best = rest.loc[rest.groupby("tick")["value_s"].idxmin()].set_index("tick")
     others = decided[decided["other_time_s"].notna()]
     assert set(others["tick"]) == set(best.index) and len(others) > 10
@@ -461,7 +488,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
         (Decision("phase", film_speed=2.04), "like a stretch of the film from 2.0 body lengths/s on"),
         (Decision("wall"), "a wall is ahead"),
         (Decision("spot", candidates=2, candidates_tank=2),
-         "no candidate stays in the tank (2 candidates, 2 leave the tank or end): on the spot"),
+         "on the spot: no candidate stays in the tank (2 candidates, 2 leave the tank or end)"),
         (Decision("play", quadrant=2, candidates=1), "play on: quadrant 2 towards A; 1 candidate"),
         (Decision("turn", turn_deg=-43.4, sprite_area=0.41, room=0.5),
          "turn right 43° towards A: the network asks for motion area 0.44, the sprites have 0.41, little room"),

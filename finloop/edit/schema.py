@@ -100,8 +100,8 @@ REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, AS_PREDICTED, WAITING =
     "phase", "turn", "wall", "play", "jump", "enter", "spot", "forecast", "wait",
 )  # fmt: skip
 """Swim on like a phase of the film, turn, slow down before a wall; play the film on, jump at a
-loop, enter the film by a gateway, turn on the spot as no candidate leads on; swim as predicted;
-wait for other fish to move away."""
+loop, enter the film by a gateway, turn on the spot as no candidate leads on or as that costs less;
+swim as predicted; wait for other fish to move away."""
 
 EXITS = NO_WAY, OTHER_MODE = "no_way", "mode"
 """Why the film is left: no candidate of it is legal, or the mode shows only sprites."""

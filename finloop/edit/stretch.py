@@ -172,7 +172,7 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
     texts = {
         PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
         WALL: "a wall is ahead",
-        SPOT: f"no candidate stays in the tank ({_describe_candidates(decision)}): on the spot",
+        SPOT: f"on the spot: {_describe_cause_of_staying(decision)}",
         WAITING: "other fish are in the way: wait",
         AS_PREDICTED: f"as predicted{_describe_costs(decision)}",
     }
@@ -186,6 +186,13 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
     quadrant = decision.quadrant
     direction = f"quadrant {quadrant} towards {goal}" if quadrant else f"along a {goal}"
     return f"{actions[decision.reason]}: {direction}{_describe_costs(decision)}"
+
+
+def _describe_cause_of_staying(decision: Decision) -> str:
+    """Return in words why a fish stays on the spot: to turn there first, or as it must."""
+    if decision.taken_terms:
+        return f"turn first{_describe_costs(decision)}"
+    return f"no candidate stays in the tank ({_describe_candidates(decision)})"
 
 
 def _describe_costs(decision: Decision) -> str:

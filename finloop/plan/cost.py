@@ -20,8 +20,8 @@ SEAM, REPEAT, RARITY, LAG, PATH, TIME, TO_COME, CHANCE = range(len(TERMS))
 class CostWeights(NamedTuple):
     """Settings of the beam search, and weights of its costs; times and costs in ticks.
 
-    fast_px: px that a fast fish of the film swims in a tick; turn_deg: median of the film's turn
-    rates, degrees in a tick; stride: ticks between two checks of a branch, at which it may jump;
+    fast_px: px that a fast fish of the film swims in a tick; turn_deg: degrees that a fish turns
+    for the cost of a tick; stride: ticks between two checks of a branch, at which it may jump;
     beam: branches followed at once; seam: cost of a jump of one natural step; repeat: cost of a row
     just seen; memory: ticks until a row on screen is forgotten.
     """

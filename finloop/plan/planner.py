@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from finloop.animate.company import ALONE, Company, can_stay, make_company, sort_near_first
-from finloop.animate.kinematics import Target, next_aim, touches_target, wrap
+from finloop.animate.kinematics import Target, bearing, next_aim, touches_target, wrap
 from finloop.animate.memory import remember_rows
 from finloop.animate.places import random_wander_place
 from finloop.animate.route import Route, find_nearest_on_route, nearest_search_start, point_along
@@ -30,7 +30,7 @@ from finloop.edit.schema import AS_PREDICTED, FILM, FRAME, JUMP, NO_WAY, PLAY, S
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant_of_displacement
-from finloop.plan.cost import CHANCE, CostWeights
+from finloop.plan.cost import CHANCE, RARITY, TIME, CostWeights
 from finloop.plan.fallback import Fallback
 from finloop.plan.graph import random_fish_in_film
 from finloop.plan.objectives import (
@@ -285,6 +285,8 @@ class Planner:
             if len(stretch.trajectory):
                 return stretch, progress
         plans = self._best_plans(fish, along_px, objective, rng)
+        if plans and (terms := self._terms_of_turning_first(fish, plans[0], objective, rng)):
+            return self._stay(fish, along_px, objective, task, plans, terms), Progress(along_px)
         for plan in plans:
             runs = plan.first_runs(self._ticks_between_searches(objective))
             planned = Progress(along_px, task, runs, motion=plan.state)
@@ -293,14 +295,44 @@ class Planner:
                 return stretch, progress
         return self._stay(fish, along_px, objective, task, plans), Progress(along_px)
 
+    def _terms_of_turning_first(
+        self, fish: Fish, plan: Plan, objective: Objective, rng: np.random.Generator
+    ) -> tuple[float, ...]:
+        """Return what it costs, by term, to turn on the spot to the target and swim there then.
+
+        plan: the best one without such a turn; () where that costs less, or the fish has no target.
+        The costs are in seconds. The film never shows such a turn, so each of its ticks costs
+        itself, and as much as a step that the film shows once.
+        """
+        aim, world = objective.aim, self.world
+        if aim.free or len(objective.route.x):
+            return ()
+        to_aim_deg = bearing(fish.x, fish.y, aim.x, aim.y)
+        turn_deg = float(wrap(to_aim_deg - fish.heading))
+        turn_ticks = abs(turn_deg) / world.turn_on_spot_deg
+        turn_cost = turn_ticks * (1 + world.rarest_step_cost)
+        least_ticks = float(np.hypot(aim.x - fish.x, aim.y - fish.y)) / self._weights.fast_px
+        if turn_ticks < 1 or turn_cost + least_ticks >= plan.cost:
+            return ()
+        turned = fish._replace(heading=to_aim_deg, rot=float(wrap(fish.rot + turn_deg)))
+        plans = self._best_plans(turned, 0.0, objective, rng)
+        if not plans or turn_cost + plans[0].cost >= plan.cost:
+            return ()
+        terms = plans[0].outcomes.terms[plans[0].taken].copy()
+        terms[CHANCE] = 0.0
+        terms[TIME] += turn_ticks
+        terms[RARITY] += turn_ticks * world.rarest_step_cost
+        return tuple((terms / world.motion.rate_hz).tolist())
+
     def _stay(
         self, fish: Fish, along_px: float, objective: Objective, task: Route | Target,
-        plans: list[Plan],
+        plans: list[Plan], terms: tuple[float, ...] = (),
     ) -> Stretch:  # fmt: skip
         """Return the stretch of a fish in place; its goal counts as touched if it rests on it.
 
-        along_px: how far the fish is along the path; plans: that lead nowhere, the best first: the
-        stretch says what the best one compared, and that nothing of it was taken.
+        along_px: how far the fish is along the path; plans: the best first: the stretch says what
+        the best one compared, and that nothing of it was taken; terms: what it costs to stay, in
+        seconds, if that was chosen because it costs less.
         """
         stretch = self._fallback.stay(fish, self._point_ahead(objective, along_px))
         target = task if isinstance(task, Target) else ANYWHERE
@@ -310,6 +342,8 @@ class Planner:
             return stretch
         verdicts = replace(plans[0].verdicts(self.world.motion.rate_hz), taken=-1)
         decision = verdicts.add_to_decision(stretch.decision)
+        if terms:
+            decision = decision._replace(value_s=sum(terms), taken_terms=terms)
         return replace(stretch, options=verdicts, decision=decision)
 
     def _best_plans(

@@ -62,9 +62,12 @@ class FilmWorld(World):
     def cost_weights(self) -> CostWeights:
         """Return the settings of the search and the weights of its costs."""
         motion, p, delta = self.motion, self.settings, self.motion.delta
+        # Where the film hardly turns, a fish turns on the spot, at the cost of its rarest steps.
+        filmed_deg = float(np.median(motion.turns.angle_deg / motion.turns.ticks))
+        on_spot_deg = self.turn_on_spot_deg / (1 + self.rarest_step_cost)
         return CostWeights(
             fast_px=self.fast_bl_s * motion.body_length_px / motion.rate_hz,
-            turn_deg=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
+            turn_deg=max(filmed_deg, on_spot_deg),
             stride=max(1, self.to_ticks(p.search_step_deltas)), beam=p.beam,
             seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
             memory=p.repeat_memory * delta,
@@ -77,6 +80,12 @@ class FilmWorld(World):
         Its head, half a body length from its centre, then moves as far as a fast fish swims.
         """
         return float(np.degrees(2 * self.fast_bl_s / self.motion.rate_hz))
+
+    @property
+    def rarest_step_cost(self) -> float:
+        """Return the cost, in ticks, of a step that the film shows once."""
+        film = self.film
+        return self.settings.rarity_weight * np.count_nonzero(film.has_next[: film.filmed_count])
 
     @cached_property
     def fast_bl_s(self) -> float:

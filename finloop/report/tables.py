@@ -41,7 +41,7 @@ MEASURES = (
     Measure("shown_mirror_image_pct", "shown: mirror image of film, bent or not", "%"),
     Measure("shown_sprite_pct", "shown: sprites", "%"),
     Measure("shown_prediction_pct", "shown: film in a predicted pose", "%"),
-    Measure("stuck_pct", "on the spot: every route leaves the tank", "%"),
+    Measure("stuck_pct", "time on the spot", "%"),
     Measure("switches", "switches between sprites and film", ""),
     Measure("switches_without_gateway", "of these, without a gateway", "", "0"),
     Measure("step_ratio_median", "step between drawn pictures, median", "× film", "≤ 1.5"),
