@@ -421,8 +421,7 @@ class Planner:
             self.world.settings.look_ahead_deltas
         )
         outcomes, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
-        leads_nowhere = np.isinf(outcomes.costs).all() and outcomes.displaced.any()
-        if wanders and is_alone and leads_nowhere:
+        if wanders and is_alone and outcomes.displaced.any() and np.isinf(outcomes.costs).all():
             # The cheapest branches are much alike, and may all run into one wall.
             outcomes, rows = beam_search(
                 source.graph, candidates, start, objective, self._weights, horizon
@@ -489,7 +488,7 @@ class Planner:
 
     @cached_property
     def _narrow_weights(self) -> CostWeights:
-        """Return the weights for a fish that wanders or has others near it: fewer branches."""
+        """Return the settings of a narrower search, for a fish that wanders or has others near."""
         return self._weights._replace(beam=1 + self._weights.beam // _FEWER)
 
     def _ticks_between_searches(self, objective: Objective) -> int:
