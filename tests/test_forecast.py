@@ -346,6 +346,11 @@ def test_a_fish_turns_and_moves_as_it_is_told(film, swim):
     assert slopes["displacement_slope"] > 0.3
 
 
+def test_where_no_row_is_like_another_nothing_is_said_of_control(film, swim):
+    lonely = swim._replace(start=np.zeros_like(swim.start))
+    assert measure_control_slopes(lonely, film, rng()) == {}
+
+
 def test_where_the_film_ends_a_fish_goes_over(swim):
     last = int(np.flatnonzero(swim.usable[:3000])[-1]) + 1
     assert not swim.usable[last]

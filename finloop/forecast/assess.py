@@ -173,7 +173,8 @@ def measure_control_slopes(
     A control is the displacement [body lengths] and the turn [rad] wanted over the time Δ. In each
     trial a fish starts at a random film row, and takes the control of a random row that is similar
     to it. Keys displacement_slope, angle_slope: 1 if the fish moves as controlled, 0 if it ignores
-    the control. A key is missing if its control is the same in all trials.
+    the control. A key is missing if its control is the same in all trials, or no row is similar to
+    another.
     """
     controls, motions = [], []
     for row in rng.choice(film.rows, _TRIALS).tolist():
@@ -181,7 +182,9 @@ def measure_control_slopes(
         if len(similar):
             controls.append(sampler.control[rng.choice(similar)])
             motions.append(_controlled_motion(sampler, film, row, controls[-1], rng))
-    slopes = {}
+    slopes: dict[str, float] = {}
+    if not controls:
+        return slopes
     for name, control, motion in zip(
         ("displacement_slope", "angle_slope"), np.transpose(controls), np.transpose(motions),
         strict=True,
