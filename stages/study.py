@@ -34,6 +34,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from finloop.base.errors import FinloopError
+from finloop.base.finding import FINDINGS_NAME, GOOD
 from finloop.base.override import format_override
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.footage import list_films, unique_film_names
@@ -53,7 +54,8 @@ PICTURES = {
     "what was found in the film": "reports/film/extract/detections.png",
     "the route of mode hybrid": "reports/modes/render/hybrid.png",
 }
-REPORT, FINDINGS = "reports/index.html", "data/clip/findings.csv"
+REPORT = "reports/index.html"
+FINDINGS = [f"data/{stage}/{FINDINGS_NAME}" for stage in ("clip", "extract", "features")]
 STAGES = sorted({column.key.partition(".")[0] for column in COLUMNS})  # whose numbers are shown
 NAME = re.compile(r"[\w-]+")
 EXAMPLE = "films: {mouse: /films/mouse.mp4, carp: {clip: carp, clip.frames: 600}}"
@@ -210,7 +212,7 @@ def load_experiment_files(commit: str) -> dict[str, bytes]:
     try:
         return {
             path: files.cat_file(path)
-            for path in (*numbers, FINDINGS, REPORT, *PICTURES.values())
+            for path in (*numbers, *FINDINGS, REPORT, *PICTURES.values())
             if files.exists(path)
         }
     except OSError as error:
@@ -224,7 +226,7 @@ def load_experiment_files(commit: str) -> dict[str, bytes]:
 def read_numbers(files: Mapping[str, bytes]) -> dict[str, float]:
     """Return the numbers in an experiment's files, `<stage>.<number>` → value.
 
-    files: path → content. The number `clip.findings`, of faults found in the film, is counted here.
+    files: path → content. The number `film.findings`, of faults found in the film, is counted here.
     """
     values = {
         f"{Path(path).parent.name}.{key}": value
@@ -232,9 +234,9 @@ def read_numbers(files: Mapping[str, bytes]) -> dict[str, float]:
         if Path(path).name == NUMBERS_NAME
         for key, value in parse_numbers(content.decode()).items()
     }
-    if FINDINGS in files:
-        table = pd.read_csv(StringIO(files[FINDINGS].decode()))
-        values["clip.findings"] = int((table["verdict"] != "good").sum())
+    tables = [pd.read_csv(StringIO(files[path].decode())) for path in FINDINGS if path in files]
+    if tables:
+        values["film.findings"] = sum(int((table["verdict"] != GOOD).sum()) for table in tables)
     return values
 
 

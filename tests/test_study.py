@@ -13,7 +13,7 @@ from finloop.base.errors import FinloopError
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
 from stages.clones import claim_folder
 from stages.compose import compose_params
-from stages.study import clip_path_overrides, parse_study
+from stages.study import clip_path_overrides, parse_study, read_numbers
 
 MOUSE = {"clip.duration_s": 20.0, "extract.tracks": 9, "realism.hybrid_auc": 0.71}
 PICTURE = cv2.imencode(".png", np.full((40, 60, 3), 200, np.uint8))[1].tobytes()
@@ -120,6 +120,15 @@ def test_the_table_has_a_row_for_each_film_also_for_one_that_failed():
     assert list(table["film"]) == ["mouse", "bad"] and list(table["error"]) == ["", "no fish"]
     assert table["extract.tracks"].tolist()[0] == 9
     assert set(table) == {"film", "error", "settings", *(column.key for column in COLUMNS)}
+
+
+def test_faults_of_film_fish_and_headings_are_counted_together():
+    files = {
+        "reports/extract/metrics.json": b'{"numbers": [{"number": "tracks", "value": 9}]}',
+        "data/clip/findings.csv": b"what,verdict\nlight,good\nnoise,better otherwise\n",
+        "data/features/findings.csv": b"what,verdict\nheadings,better otherwise\n",
+    }
+    assert read_numbers(files) == {"extract.tracks": 9.0, "film.findings": 2}
 
 
 def test_the_page_sorts_and_filters(tmp_path):

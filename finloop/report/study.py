@@ -27,7 +27,8 @@ class StudyColumn(NamedTuple):
 COLUMNS = (
     StudyColumn("clip.duration_s", "length (s)", "duration of the film"),
     StudyColumn("clip.frame_rate_hz", "frames/s", "frame rate of the film"),
-    StudyColumn("clip.findings", "findings", "faults that the check of the film found", "0"),
+    StudyColumn("film.findings", "findings",
+                "faults found in the film, in its fish and in their headings", "0"),
     StudyColumn("identity.identities", "animals", "tracks, joined to animals where they touched"),
     StudyColumn("extract.tracks", "tracks", "tracks before they were joined"),
     StudyColumn("features.body_length_median_px", "length (px)", "median body length"),
