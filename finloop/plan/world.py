@@ -73,7 +73,7 @@ class FilmWorld(World):
             memory=p.repeat_memory * delta,
         )  # fmt: skip
 
-    @property
+    @cached_property
     def turn_on_spot_deg(self) -> float:
         """Return how far [°] a fish on the spot turns in a tick, unless its pictures turn more.
 
@@ -81,7 +81,7 @@ class FilmWorld(World):
         """
         return float(np.degrees(2 * self.fast_bl_s / self.motion.rate_hz))
 
-    @property
+    @cached_property
     def rarest_step_cost(self) -> float:
         """Return the cost, in ticks, of a step that the film shows once."""
         film = self.film
