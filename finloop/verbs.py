@@ -243,9 +243,11 @@ def make_sprites(
 def compare(reel: Reel, **changes: Any) -> FrameComparison:
     """Compare the film's frames with each other (Eqs. 5-8); return the distances between them.
 
-    Fields of the result: pairs: similar rows, columns of `PAIRS`; steps: rows and later ones of
-    their track, columns of `STEPS`; facts: how they were compared. Pixels count as 0 … 1.
-    `changes` override `finloop.distance.settings.DistanceSettings`.
+    Fields of the result: pairs: similar rows, columns of `PAIRS`. steps: distances of each compared
+    row to later ones of its track, columns of `STEPS`. facts: how they were compared. Pixels count
+    as 0 … 1. In a film of more than `max_rows` rows only stretches are compared. FinloopError if
+    the film does not move, or no frame follows another. `changes` override
+    `finloop.distance.settings.DistanceSettings`.
     """
     pairs, steps, facts = compare_frames(reel, settings("distance", **changes))
     return FrameComparison(apply_schema(pairs, PAIRS), apply_schema(steps, STEPS), facts)

@@ -293,7 +293,10 @@ def smoothing_matrix(points: int, weight: float = _SMOOTHING) -> Floats:
 
 @kernel
 def _interpolate_field(field, x, y):  # type: ignore[no-untyped-def]
-    """Return the grey level of a picture (h, w) at x, y [px], bilinear; 0 outside of it."""
+    """Return the grey level of a picture (h, w) at x, y [px], bilinear.
+
+    It is 0 outside of the picture, and on its last row and column.
+    """
     height, width = field.shape
     x0, y0 = int(np.floor(x)), int(np.floor(y))
     if x0 < 0 or y0 < 0 or x0 >= width - 1 or y0 >= height - 1:

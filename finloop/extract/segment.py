@@ -359,9 +359,9 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
 def premultiply_cutout(film: Picture, tank: Picture, alpha: Picture) -> Picture:
     """Cut a fish out of a film frame, without the tank's colour at its edge.
 
-    The result (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, is film − (1 − alpha) · tank:
-    laid over the same tank it gives back the film. `film` and `tank` are (h, w) or (h, w, 3),
-    `alpha` (h, w).
+    The result (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, is film − (1 − alpha) · tank,
+    limited to 0 … alpha. Where the limit does not bind, the result laid over the same tank gives
+    back the film. `film` and `tank` are (h, w) or (h, w, 3), `alpha` (h, w).
     """
     shape = (*alpha.shape, film.size // alpha.size)
     return _premultiply_channels(film.copy().reshape(shape), tank.copy().reshape(shape), alpha)

@@ -293,7 +293,10 @@ def _describe_gaps(regions: Sequence[Region], first: int) -> str:
 
 
 def _format_frame_numbers(numbers: Sequence[int]) -> str:
-    """Return ascending frame numbers as text, successive ones as "3-7"; at most 8 such runs."""
+    """Return ascending frame numbers as text, runs of successive ones as "3-7".
+
+    The text names at most 8 runs, then says how many more there are.
+    """
     starts = [i for i in range(1, len(numbers)) if numbers[i] != numbers[i - 1] + 1]
     runs = [(numbers[a], numbers[b - 1]) for a, b in pairwise([0, *starts, len(numbers)])]
     words = [f"{first}-{last}" if last > first else f"{first}" for first, last in runs[:8]]

@@ -42,9 +42,10 @@ def load_picture(path: Path) -> Picture:
 
 
 def save_figure(path: Path, figure: "Figure") -> None:
-    """Write a matplotlib figure in the format of the ending of `path`.
+    """Write a matplotlib figure as a PNG; `path` ends in .png.
 
-    Equal figures give the same bytes. The figure changes: places of axes are rounded.
+    Equal figures give the same bytes. The figure changes: hidden axes lose their ticks. A figure
+    with a layout engine gets `_DPI`, and a fixed layout with rounded places of axes.
     """
     for axes in figure.axes:
         if not axes.axison:  # hidden ticks would still be laid out, in half of the time

@@ -53,7 +53,8 @@ def _draw_errors(
 ) -> None:
     """Draw a mode's errors over time, with bands where the fish has left the path.
 
-    path, departures: the mode's rows, as in `draw_path`. timed: whether the fish can be late.
+    path, departures: the mode's rows, as in `draw_path`. timed: whether the path has times: then
+    the distance from the place due at each time is drawn, too.
     """
     axes.plot(path["time_s"], path["across"], color=colour, lw=1, label="beside the path")
     if timed:

@@ -241,7 +241,10 @@ def _protocol_and_problems(values: Any, folder: Path) -> tuple[Protocol | None, 
 
 
 def _build_protocol(values: Any) -> Protocol:
-    """Return the protocol in values; ValidationError if types are wrong."""
+    """Return the protocol in values; ValidationError if they do not have its format.
+
+    Wrong types, values out of range, missing keys and unknown keys all raise it.
+    """
     return Protocol.model_validate_json(json.dumps(values))
 
 
