@@ -1,9 +1,10 @@
-"""Folding of morphs: all pairs of single-contour letters and digits of DejaVu Sans.
+"""Folding of morphs: all pairs of single-contour letters and digits of DejaVu Sans, and regions.
 
 `python -m benchmarks.morph` prints the table and writes benchmarks/morph.csv, for 256 points and 60
 frames in between: the exact share of pairs with only strictly simple frames; the time per pair on
 one core; the vertices' path length, relative to the linear morph. The figures of other tools are
-earlier measurements on 276 such pairs.
+earlier measurements on 276 such pairs. Regions are 300 random pairs of glyphs of three fonts, with
+holes in at least one of both; they need as many separate parts, so that an i goes with a j.
 """
 
 from functools import partial
@@ -24,9 +25,19 @@ from benchmarks.speed import time_call
 from finloop.base.arrays import Points
 from finloop.curve.contour import Curve
 from finloop.curve.glyph import glyph_outlines
-from finloop.morph.folds import count_polygon_folds, stays_simple
+from finloop.morph.folds import (
+    ContourLayout,
+    count_contour_folds,
+    count_polygon_folds,
+    stays_simple,
+)
 from finloop.morph.layers import linear_morph, physical_morph
-from finloop.morph.simple import morph_without_folds, path_lengths
+from finloop.morph.regions import split_regions
+from finloop.morph.simple import (
+    morph_regions_without_folds,
+    morph_without_folds,
+    path_lengths,
+)
 
 FRAMES, POINTS = 60 + 2, 256
 ELASTIC, DAMPING, MASS = 0.1, 4.0, 1.0
@@ -43,6 +54,34 @@ def single_contour_glyphs() -> dict[str, Curve]:
     """Return the outlines of all letters and digits with a single contour."""
     outlines = {name: glyph_outlines(name) for name in string.ascii_letters + string.digits}
     return {name: found[0] for name, found in outlines.items() if len(found) == 1}
+
+
+FONTS, REGION_PAIRS = ("DejaVu Sans", "DejaVu Serif", "STIXGeneral"), 300
+
+
+def region_row() -> dict[str, object]:
+    """Return a row of the table for regions: the share of pairs without a fold, and their times."""
+    glyphs = [
+        outlines
+        for font in FONTS
+        for name in string.ascii_letters + string.digits + "&@#"
+        if len(split_regions(outlines := glyph_outlines(name, font))) == 1
+    ]
+    with_holes = [number for number, outlines in enumerate(glyphs) if len(outlines) > 1]
+    rng = np.random.default_rng(0)
+    milliseconds, free = [], 0
+    for _ in range(REGION_PAIRS):
+        a, b = glyphs[rng.choice(with_holes)], glyphs[rng.integers(len(glyphs))]
+        call = partial(morph_regions_without_folds, a, b, FRAMES, POINTS)
+        seconds, stacks = time_call(call)
+        layout = ContourLayout((POINTS,) * len(stacks))
+        free += not count_contour_folds(np.concatenate(stacks, axis=1), layout).any()
+        milliseconds.append(1000 * seconds)
+    return {
+        "what": "here: regions with holes", "pairs": REGION_PAIRS,
+        "simple_percent": 100 * free / REGION_PAIRS, "ms_mean": np.mean(milliseconds),
+        "ms_median": np.median(milliseconds), "ms_99": np.percentile(milliseconds, 99),
+    }  # fmt: skip
 
 
 def result_row(
@@ -88,6 +127,7 @@ def main() -> None:
         result_row("here: simple", simple, lengths),
         result_row("here: simple, where linear is", [simple[k] for k in kept],
                    [lengths[k] for k in kept]),
+        region_row(),
     ]  # fmt: skip
     rows += [
         {"what": f"measured elsewhere: {name}", "pairs": 276, "simple_percent": share}

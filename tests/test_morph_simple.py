@@ -12,7 +12,7 @@ from finloop.curve.contour import Curve, resample_curve
 from finloop.curve.contour import signed_area as area_of
 from finloop.curve.glyph import glyph_outlines
 from finloop.curve.wavelet import drop_details
-from finloop.morph.folds import count_polygon_folds, is_simple, stays_simple
+from finloop.morph.folds import ContourLayout, count_polygon_folds, is_simple, stays_simple
 from finloop.morph.layers import linear_morph, physical_morph
 from finloop.morph.match import match_curves, misfit_by_start
 from finloop.morph.simple import (
@@ -20,7 +20,7 @@ from finloop.morph.simple import (
     join_simplified_poses,
     morph_without_folds,
     path_lengths,
-    round_off_polygon,
+    round_off_contours,
     straighten_curve,
 )
 
@@ -188,7 +188,7 @@ def test_physics():
 def test_shortening(curve, n):
     """The last two are so coarse that whole steps would fold: they are halved."""
     points = resample_curve(curve, n).points
-    poses, done = round_off_polygon(points)
+    poses, done = round_off_contours(points, ContourLayout((len(points),)))
     assert done and stays_simple(poses)
     np.testing.assert_array_equal(poses[0], points)
     areas = np.array([area(pose) for pose in poses])
@@ -221,7 +221,7 @@ def test_ears(curve, n):
 
 def test_plain_ends_can_always_be_joined():
     """Whatever the turn between two near-circles, or a triangle and a circle, or two lines."""
-    points, _ = round_off_polygon(resample_curve(GLYPHS["k"], 64).points)
+    points, _ = round_off_contours(resample_curve(GLYPHS["k"], 64).points, ContourLayout((64,)))
     triangle, _ = cut_ears(resample_curve(comb(3, 2), 64).points)
     for start in range(0, 64, 7):
         for other in (points[-1], triangle[-1]):
@@ -305,7 +305,7 @@ def test_any_simple_polygons(seed, back):
 
 def test_too_coarse_to_shorten():
     """Ears are taken off instead: simple all the same."""
-    assert not round_off_polygon(resample_curve(comb(15, 8), 32).points)[1]
+    assert not round_off_contours(resample_curve(comb(15, 8), 32).points, ContourLayout((32,)))[1]
     frames = morph_without_folds(comb(15, 8), GLYPHS["S"], 62, 32)
     assert not count_polygon_folds(frames).any()
 

@@ -1,4 +1,4 @@
-"""Outlines of letters and digits as test curves, from matplotlib's DejaVu Sans."""
+"""Outlines of letters and digits as test curves, from matplotlib's fonts."""
 
 import numpy as np
 from matplotlib.font_manager import FontProperties
@@ -12,11 +12,11 @@ FONT = "DejaVu Sans"
 SIZE = 1000.0  # side of the em square (the height of a line): segments are about 1 long
 
 
-def glyph_outlines(character: str) -> list[Curve]:
+def glyph_outlines(character: str, font: str = FONT) -> list[Curve]:
     """Return the closed contours of a character's outline; y is down, the baseline at y = 0.
 
-    The unit is 1 / SIZE of a line's height. FinloopError if `character` is not a single character
-    with an outline.
+    The unit is 1 / SIZE of a line's height. font: a family that matplotlib brings. FinloopError if
+    `character` is not a single character with an outline.
     """
     if len(character) != 1:
         raise FinloopError(
@@ -24,7 +24,7 @@ def glyph_outlines(character: str) -> list[Curve]:
         )
     outlines = []
     if character.isprintable() and not character.isspace():  # TextPath fails without an outline
-        path = TextPath((0, 0), character, size=SIZE, prop=FontProperties(family=FONT))
+        path = TextPath((0, 0), character, size=SIZE, prop=FontProperties(family=font))
         outlines = path.to_polygons()
     if not outlines:
         raise FinloopError(

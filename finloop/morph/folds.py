@@ -1,4 +1,7 @@
-"""Tests of whether a polygon meets itself, in one pose or at any moment of a motion.
+"""Tests of whether polygons meet themselves or each other, in one pose or during a motion.
+
+Several contours, as of a letter with a hole, are tested as one array of vertices (n, 2). Its
+`following` (n,) has the vertex to which each vertex has an edge, −1 where an open contour ends.
 
 In one pose (`count_polygon_folds`, `is_simple`) the answer is exact (Shewchuk 1997, *Adaptive
 precision floating-point arithmetic and fast robust geometric predicates*): an orientation is
@@ -13,6 +16,8 @@ decide this. They are bounded by their Bernstein coefficients, with a margin for
 Blocks group consecutive edges, and only blocks with overlapping boxes are compared.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Reals
@@ -26,22 +31,56 @@ _SURE = (3 + 16 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
 _SPLIT = 134217729.0  # 2^27 + 1
 
 
-def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
-    """Return the exact number (f,) of folds of each polygon: pairs of its edges that meet.
+class ContourLayout(NamedTuple):
+    """How contours lie one after the other in an array of vertices: sizes, all closed or all open.
 
-    Neighbouring edges count if they share more than their vertex; an edge of length 0 is a fold,
-    too. stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not
-    repeated. FinloopError if a coordinate is not finite, or there are too few vertices.
+    sizes: numbers of vertices of the contours.
     """
-    stack = _check_polygons(stack, closed)
-    counts = [count_folds_unchecked(points, closed, first_only=False) for points in stack]
+
+    sizes: tuple[int, ...]
+    closed: bool = True
+
+    @property
+    def parts(self) -> list[slice]:
+        """Return the slice of each contour in the array of vertices."""
+        ends = np.cumsum(self.sizes).tolist()
+        return [slice(end - size, end) for end, size in zip(ends, self.sizes, strict=True)]
+
+    @property
+    def following(self) -> Ints:
+        """Return the vertex (n,) to which each vertex has an edge, −1 for none."""
+        following = np.arange(1, sum(self.sizes) + 1)
+        ends = np.cumsum(self.sizes)
+        following[ends - 1] = ends - self.sizes if self.closed else -1
+        return following
+
+
+def count_contour_folds(stack: Reals, layout: ContourLayout) -> Ints:
+    """Return the exact number (f,) of folds of contours (f, n, 2): pairs of their edges that meet.
+
+    Edges of two contours count as those of one. Neighbouring edges count if they share more than
+    their vertex; an edge of length 0 is a fold, too. FinloopError if a coordinate is not finite, or
+    a contour has fewer than 3 vertices, 2 if it is open.
+    """
+    stack = _check_contours(stack, layout)
+    following = layout.following
+    counts = [count_folds_unchecked(points, following, first_only=False) for points in stack]
     return np.array(counts, np.int64)
 
 
+def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
+    """Return the exact number (f,) of folds of each polygon, as `count_contour_folds` counts them.
+
+    stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not repeated.
+    """
+    return count_contour_folds(stack, _polygon_layout(stack, closed))
+
+
 def is_simple(points: Reals, closed: bool = True) -> bool:
-    """Return whether a polygon (n, 2) has no fold, as `count_polygon_folds` counts them."""
-    polygon = _check_polygons(points, closed)[0]
-    return count_folds_unchecked(polygon, closed, first_only=True) == 0
+    """Return whether a polygon (n, 2) has no fold, as `count_contour_folds` counts them."""
+    layout = _polygon_layout(points, closed)
+    polygon = _check_contours(points, layout)[0]
+    return count_folds_unchecked(polygon, layout.following, first_only=True) == 0
 
 
 def stays_simple(poses: Reals, closed: bool = True) -> bool:
@@ -50,20 +89,34 @@ def stays_simple(poses: Reals, closed: bool = True) -> bool:
     True is a proof for every moment, not only for the poses. False may mean that two parts come too
     near each other to decide.
     """
-    poses = _check_polygons(poses, closed)
-    if count_folds_unchecked(poses[0], closed, first_only=True):
+    return contours_stay_simple(poses, _polygon_layout(poses, closed))
+
+
+def contours_stay_simple(poses: Reals, layout: ContourLayout) -> bool:
+    """Return whether contours never meet that move straight from pose to pose (k, n, 2).
+
+    Neither does one meet itself. True is a proof, as of `stays_simple`.
+    """
+    poses = _check_contours(poses, layout)
+    if count_folds_unchecked(poses[0], layout.following, first_only=True):
         return False
-    return bool(stays_simple_unchecked(poses, closed))
+    return bool(stays_simple_unchecked(poses, layout.following))
 
 
-def _check_polygons(points: Reals, closed: bool) -> Floats:
-    """Return polygons as an array (f, n, 2); FinloopError if their shape or a number is wrong."""
+def _polygon_layout(stack: Reals, closed: bool) -> ContourLayout:
+    """Return the layout of one polygon, the last but one axis of an array."""
+    return ContourLayout((np.shape(stack)[-2] if np.ndim(stack) >= 2 else 0,), closed)
+
+
+def _check_contours(points: Reals, layout: ContourLayout) -> Floats:
+    """Return contours as an array (f, n, 2); FinloopError if their shape or a number is wrong."""
     polygons: Floats = np.ascontiguousarray(points, np.float64)
     polygons = polygons[None] if polygons.ndim == 2 else polygons
-    if polygons.ndim != 3 or polygons.shape[2] != 2 or polygons.shape[1] < 2 + closed:
+    least = 2 + layout.closed
+    if polygons.ndim != 3 or polygons.shape[2] != 2 or min(layout.sizes) < least:
         raise FinloopError(
             f"polygons of shape {polygons.shape}",
-            f"(frames, points, 2) with at least {2 + closed} points",
+            f"(frames, points, 2) with at least {least} points",
             "give more points",
         )
     if not np.isfinite(polygons).all():
@@ -160,15 +213,19 @@ def _turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float
 
 
 @kernel
-def _edge_boxes(vertices: Floats, edges: int) -> Floats:
-    """Return the bounding boxes (edges, 4) of a polygon's edges: left, top, right, bottom.
+def _edge_boxes(vertices: Floats, following: Ints) -> Floats:
+    """Return the bounding boxes (n, 4) of the edges from n vertices: left, top, right, bottom.
 
-    vertices (n, 4): the boxes of its vertices; edges: their number, n − 1 if the polygon is open.
+    vertices (n, 4): the boxes of the vertices; following (n,): where their edges lead. The box of
+    a vertex without an edge overlaps no other.
     """
     n = len(vertices)
-    boxes = np.empty((edges, 4))
-    for i in range(edges):
-        j = i + 1 if i + 1 < n else 0
+    boxes = np.empty((n, 4))
+    for i in range(n):
+        j = following[i]
+        if j < 0:
+            boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = np.inf, np.inf, -np.inf, -np.inf
+            continue
         for axis in range(2):
             boxes[i, axis] = min(vertices[i, axis], vertices[j, axis])
             boxes[i, 2 + axis] = max(vertices[i, 2 + axis], vertices[j, 2 + axis])
@@ -199,44 +256,43 @@ def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 
 
 @kernel
-def count_folds_unchecked(points: Floats, closed: bool, first_only: bool) -> int:
-    """Return the number of folds of a polygon (n, 2), whose shape is not checked.
+def count_folds_unchecked(points: Floats, following: Ints, first_only: bool) -> int:
+    """Return the number of folds of contours (n, 2), whose shape is not checked.
 
     A fold is a pair of edges that meet: neighbours if they share more than their vertex; or an edge
     of length 0. first_only: stop at the first; the result then only says whether there is one.
     Bounding boxes of edges, and of blocks of BLOCK successive edges, rule out most pairs.
     """
     n = len(points)
-    edges = n if closed else n - 1
     count = 0
-    for i in range(edges):  # each edge p-q and the next one, q-r
-        j = i + 1 if i + 1 < n else 0
-        k = j + 1 if j + 1 < n else 0
+    for i in range(n):  # each edge p-q and the next one, q-r
+        j = following[i]
+        if j < 0:
+            continue
+        k = following[j]
         px, py, qx, qy = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
-        rx, ry = points[k, 0], points[k, 1]
         if px == qx and py == qy:
             count += 1
-        elif (closed or j < n - 1) and (qx != rx or qy != ry):
-            count += _turns_back(px, py, qx, qy, rx, ry)
+        elif k >= 0 and (qx != points[k, 0] or qy != points[k, 1]):
+            count += _turns_back(px, py, qx, qy, points[k, 0], points[k, 1])
     if first_only and count:
         return count
     # All other pairs of edges i < j, by the blocks that they are in.
-    boxes = _edge_boxes(np.hstack((points, points)), edges)
+    boxes = _edge_boxes(np.hstack((points, points)), following)
     blocks = _merge_boxes(boxes)
     for block in range(len(blocks)):
         for partner in range(block, len(blocks)):
             if not _boxes_overlap(blocks, block, blocks, partner):
                 continue
-            for i in range(block * BLOCK, min((block + 1) * BLOCK, edges)):
+            for i in range(block * BLOCK, min((block + 1) * BLOCK, n)):
                 if not _boxes_overlap(boxes, i, blocks, partner):
                     continue
-                first = i + 2 if block == partner else partner * BLOCK
-                for j in range(max(first, i + 2), min((partner + 1) * BLOCK, edges)):
-                    # The first and the last edge of a closed polygon are neighbours.
-                    if not _boxes_overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
+                for j in range(max(i + 1, partner * BLOCK), min((partner + 1) * BLOCK, n)):
+                    if not _boxes_overlap(boxes, i, boxes, j):
                         continue
-                    i_next, j_next = i + 1, j + 1 if j + 1 < n else 0
-                    if _segments_meet(points, i, i_next, j, j_next):
+                    i_next, j_next = following[i], following[j]
+                    is_neighbour = i_next == j or j_next == i
+                    if not is_neighbour and _segments_meet(points, i, i_next, j, j_next):
                         count += 1
                         if first_only:
                             return count
@@ -297,15 +353,14 @@ def _copy_numbers(row, values):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def stays_simple_unchecked(stack: Floats, closed: bool) -> bool:
-    """Return whether a polygon that moves straight from pose to pose (k, n, 2) never meets itself.
+def stays_simple_unchecked(stack: Floats, following: Ints) -> bool:
+    """Return whether contours that move straight from pose to pose (k, n, 2) never meet.
 
     The first pose must have no fold; neither this nor the shape is checked. False may mean that two
     parts come too near each other to decide. A vertex and an edge can only meet where the boxes of
     their paths between two poses overlap; boxes of BLOCK of them rule out most pairs.
     """
     poses, n = len(stack), stack.shape[1]
-    edges = n if closed else n - 1
     vertex_boxes = np.empty((n, 4))  # low x, y, high x, y of each vertex's path between two poses
     for k in range(poses - 1):
         before, after = stack[k], stack[k + 1]
@@ -313,7 +368,7 @@ def stays_simple_unchecked(stack: Floats, closed: bool) -> bool:
             for axis in range(2):
                 vertex_boxes[i, axis] = min(before[i, axis], after[i, axis])
                 vertex_boxes[i, 2 + axis] = max(before[i, axis], after[i, axis])
-        edge_boxes = _edge_boxes(vertex_boxes, edges)
+        edge_boxes = _edge_boxes(vertex_boxes, following)
         vertex_blocks, edge_blocks = _merge_boxes(vertex_boxes), _merge_boxes(edge_boxes)
         for block in range(len(vertex_blocks)):
             for partner in range(len(edge_blocks)):
@@ -322,10 +377,10 @@ def stays_simple_unchecked(stack: Floats, closed: bool) -> bool:
                 for v in range(block * BLOCK, min((block + 1) * BLOCK, n)):
                     if not _boxes_overlap(vertex_boxes, v, edge_blocks, partner):
                         continue
-                    for i in range(partner * BLOCK, min((partner + 1) * BLOCK, edges)):
+                    for i in range(partner * BLOCK, min((partner + 1) * BLOCK, n)):
                         if v == i or not _boxes_overlap(vertex_boxes, v, edge_boxes, i):
                             continue
-                        j = i + 1 if i + 1 < n else 0
+                        j = following[i]
                         if v != j and not _stays_apart(before, after, v, i, j):
                             return False
     return True

@@ -5,21 +5,29 @@ hold for the coordinates in the files. Two of the paper's methods are here, line
 and physical (Fig. 5); neither avoids folds.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import ceil, log10
 from typing import NamedTuple
 
 import numpy as np
 
-from finloop.base.arrays import Points
+from finloop.base.arrays import Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
+from finloop.base.paint import PART
 from finloop.curve.contour import Curve
 from finloop.curve.dynamics import Material, Problem, solve_motion
 from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
-from finloop.morph.folds import count_polygon_folds, stays_simple
+from finloop.morph.folds import (
+    ContourLayout,
+    contours_stay_simple,
+    count_contour_folds,
+    count_polygon_folds,
+    stays_simple,
+)
 from finloop.morph.match import match_curves
-from finloop.morph.simple import morph_without_folds
+from finloop.morph.simple import morph_regions_without_folds, morph_without_folds
 
 METHODS = ("linear", "physical", "fold_free")
 DIGITS = (6, 9, 12)  # significant digits of the larger side: the grid is 1e-5 of it or finer
@@ -73,7 +81,9 @@ def morph_drawings(
             f"the method {method!r}", f"one of {', '.join(METHODS)}", "choose one of these"
         )
     check_sizes("morph", frames, points, 2)
-    check_pairs(a, b)
+    regions = _region_names(a, b) if method == "fold_free" else {}
+    in_regions = {name for names in regions.values() for pair in names for name in pair}
+    check_pairs(_without(a, in_regions), _without(b, in_regions))
     b = fit_drawing(b, a.width, a.height)
     side = max(a.width, a.height)
     morph_pair: dict[str, Callable[[Curve, Curve], Points]] = {
@@ -81,10 +91,21 @@ def morph_drawings(
         "physical": lambda a, b: physical_morph(a, b, frames, points, *physics),
         "fold_free": lambda a, b: morph_without_folds(a, b, frames, points),
     }
-    layers = {
-        name: _morph_contour(name, curve, b.curves[name], side, morph_pair[method])
-        for name, curve in a.curves.items()
-    }
+    layers: dict[str, Points] = {}
+    for name, curve in a.curves.items():
+        shape = name.partition(PART)[0]
+        if shape not in regions:
+            layers[name] = _morph_contour(name, curve, b.curves[name], side, morph_pair[method])
+        elif shape not in layers:  # all contours of a region at its first one
+            names_a, names_b = regions[shape]
+            stacks = _morph_region(
+                shape, [a.curves[own] for own in names_a], [b.curves[own] for own in names_b],
+                side, frames, points,
+            )  # fmt: skip
+            layers |= {
+                f"{shape}{PART}{number}" if number > 1 else shape: stack
+                for number, stack in enumerate(stacks, start=1)
+            }
     digits = DIGITS if method == "fold_free" else DIGITS[:1]
     return build_morph(a, b, np.linspace(0, 1, frames), layers, digits)
 
@@ -105,17 +126,29 @@ def build_morph(
     digits of the picture's larger side coordinates are rounded: the first number with which no
     frame folds, else the last. repeats: whether the first frame follows the last.
     """
-    closed = {name: curve.closed for name, curve in a.curves.items()}
+    closed = {name: a.curves[name].closed if name in a.curves else True for name in layers}
+    shapes = _contours_by_shape(layers)
     for significant in digits:
         decimals = significant - ceil(log10(max(a.width, a.height)))
         rounded = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
         folds = {name: count_polygon_folds(stack, closed[name]) for name, stack in rounded.items()}
+        for names in shapes.values():
+            folds[names[0]] = folds[names[0]] + _count_crossings(names, rounded, folds, closed)
         if not any(count.any() for count in folds.values()):
             break
-    continuous = {}
-    for name, stack in rounded.items():
-        motion = np.r_[stack, stack[:1]] if repeats else stack
-        continuous[name] = stays_simple(motion, closed[name])
+    continuous: dict[str, bool] = {}
+    for names in shapes.values():
+        motions = [rounded[name] for name in names]
+        if repeats:
+            motions = [np.r_[stack, stack[:1]] for stack in motions]
+        if len(names) > 1 and all(closed[name] for name in names):
+            proved = contours_stay_simple(np.concatenate(motions, axis=1), _layout(motions))
+            continuous |= dict.fromkeys(names, proved)
+        else:
+            continuous |= {
+                name: stays_simple(motion, closed[name])
+                for name, motion in zip(names, motions, strict=True)
+            }
     return Morph(
         tau=tau,
         layers=rounded,
@@ -127,6 +160,84 @@ def build_morph(
         height=a.height,
         decimals=decimals,
     )
+
+
+def _contours_by_shape(names: Iterable[str]) -> dict[str, list[str]]:
+    """Return the ids of contours by the shape, such as one path, that they belong to."""
+    shapes: dict[str, list[str]] = {}
+    for name in names:
+        shapes.setdefault(name.partition(PART)[0], []).append(name)
+    return shapes
+
+
+def _layout(stacks: Sequence[Points]) -> ContourLayout:
+    """Return how closed contours (f, n, 2) lie one after the other in one array."""
+    return ContourLayout(tuple(stack.shape[1] for stack in stacks))
+
+
+def _count_crossings(
+    names: Sequence[str], layers: Mapping[str, Points], folds: Mapping[str, Ints],
+    closed: Mapping[str, bool],
+) -> Ints:  # fmt: skip
+    """Return how often the contours of a shape meet each other in every frame (f,).
+
+    names: ids of the contours. layers, folds, closed: contours (f, n, 2), their own folds (f,), and
+    whether they are closed, by id. 0 for a shape with an open contour: its lines may cross.
+    """
+    if len(names) == 1 or not all(closed[name] for name in names):
+        return np.zeros_like(folds[names[0]])
+    stacks = [layers[name] for name in names]
+    together = count_contour_folds(np.concatenate(stacks, axis=1), _layout(stacks))
+    return together - np.sum([folds[name] for name in names], axis=0)
+
+
+def _region_names(a: Drawing, b: Drawing) -> dict[str, tuple[list[str], list[str]]]:
+    """Return the regions of two drawings: shape → ids of its contours in a, and in b.
+
+    A region is a shape of closed contours that has several of them in one of the drawings.
+    """
+    shapes_a, shapes_b = _contours_by_shape(a.curves), _contours_by_shape(b.curves)
+    return {
+        shape: (names, shapes_b[shape])
+        for shape, names in shapes_a.items()
+        if shape in shapes_b
+        and max(len(names), len(shapes_b[shape])) > 1
+        and all(a.curves[name].closed for name in names)
+        and all(b.curves[name].closed for name in shapes_b[shape])
+    }
+
+
+def _without(drawing: Drawing, names: Collection[str]) -> Drawing:
+    """Return a drawing without the contours of some ids."""
+    curves = {name: curve for name, curve in drawing.curves.items() if name not in names}
+    return replace(drawing, curves=curves)
+
+
+def _morph_region(
+    shape: str, a: Sequence[Curve], b: Sequence[Curve], side: float, frames: int, points: int
+) -> list[Points]:
+    """Return the frames (frames, points, 2) of each contour of a shape.
+
+    shape: its id, for error messages; side: longer side of the picture. FinloopError as of
+    `morph_regions_without_folds`, or if a contour leaves the picture far behind.
+    """
+    try:
+        stacks = morph_regions_without_folds(a, b, frames, points)
+    except FinloopError as error:
+        raise FinloopError(f"shape {shape!r}: {error.came}", error.wanted, error.do) from error
+    for stack in stacks:
+        _require_near(shape, stack, side)
+    return stacks
+
+
+def _require_near(name: str, stack: Points, side: float) -> None:
+    """Raise FinloopError if a frame of a contour (f, n, 2) reaches farther than REACH sides."""
+    if not (np.abs(stack) <= REACH * side).all():
+        raise FinloopError(
+            f"contour {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
+            f"at most {REACH} times its size",
+            "move the contour into the picture, or set the viewBox around the contours",
+        )
 
 
 def _morph_contour(
@@ -141,12 +252,7 @@ def _morph_contour(
         stack = morph_pair(a, b)
     except FinloopError as error:
         raise FinloopError(f"contour {name!r}: {error.came}", error.wanted, error.do) from error
-    if not (np.abs(stack) <= REACH * side).all():
-        raise FinloopError(
-            f"contour {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
-            f"at most {REACH} times its size",
-            "move the contour into the picture, or set the viewBox around the contours",
-        )
+    _require_near(name, stack, side)
     return stack
 
 

@@ -10,32 +10,36 @@ makes no folds. Finally every frame is tested exactly.
 A curve is simplified by one of three methods. Vertex i stays vertex i, between poses the vertices
 move straight, and a step counts only if it is proved free of contact (`morph.folds.stays_simple`).
 
-- `round_off_polygon`, closed: curve shortening, x_t = x_uu / |x_u|², makes a simple closed curve
+- `round_off_contours`, closed: curve shortening, x_t = x_uu / |x_u|², makes a simple closed curve
   round before it vanishes, and keeps it simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987).
   The tangential part of this form spreads the vertices evenly. Each step restores the area. The
   theorems hold for smooth curves; for polygons each step is checked.
 - `cut_ears`, closed: a polygon of more than three corners has a corner whose triangle with its two
   neighbours is empty (two ears theorem, Meisters 1975). Moved onto the opposite side, it leaves
   one corner less. Every polygon ends as a triangle. This is not pretty, so it only takes over
-  where `round_off_polygon` fails.
+  where `round_off_contours` fails.
 - `straighten_curve`, open: a part of a simple curve is simple, and so is that part enlarged.
   Shorter and shorter parts about the middle end at a line without bends.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy
 
-from finloop.base.arrays import Points
+from finloop.base.arrays import Floats, Ints, Points
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.curve.contour import Curve, area_centroids, signed_area
 from finloop.morph.folds import (
+    ContourLayout,
+    contours_stay_simple,
+    count_contour_folds,
     count_folds_unchecked,
-    count_polygon_folds,
-    stays_simple,
     stays_simple_unchecked,
 )
 from finloop.morph.match import match_curves, misfit_by_start
+from finloop.morph.regions import SMALL, match_regions, move_holes_inside, pair_regions
 
 GROWTH = 1.3  # factor of the time step, from one pose to the next
 STEP = 0.1  # longest time step, in areas of the curve
@@ -57,22 +61,50 @@ def morph_without_folds(a: Curve, b: Curve, frames: int, points: int) -> Points:
     The ends are a and b, resampled. FinloopError if one curve is open and the other closed, if a
     curve, resampled, meets itself, or if its parts are too near each other.
     """
-    first, second = match_curves(a, b, points)
-    closed = a.closed
-    for name, points_of_curve in (("first", first), ("second", second)):
-        count = count_polygon_folds(points_of_curve, closed)[0]
+    layout = ContourLayout((points,), a.closed)
+    return _morph_contours(*match_curves(a, b, points), layout, frames)
+
+
+def morph_regions_without_folds(
+    a: Sequence[Curve], b: Sequence[Curve], frames: int, points: int
+) -> list[Points]:
+    """Return the frames (frames, points, 2) of each contour of a shape that turns into another.
+
+    a, b: the closed contours of the shapes, in any order: regions, each one contour and its holes.
+    In no frame does a contour of a region meet itself or another one of that region. A hole without
+    a partner grows from a point, or shrinks to one. FinloopError if the shapes have not as many
+    regions, their contours meet, or they are too near each other.
+    """
+    stacks: list[Points] = []
+    for first, second in pair_regions(a, b):
+        contours_a, contours_b = match_regions(first, second, points)
+        layout = ContourLayout((points,) * len(contours_a))
+        stack = _morph_contours(
+            np.concatenate(contours_a), np.concatenate(contours_b), layout, frames
+        )
+        stacks += [stack[:, part] for part in layout.parts]
+    return stacks
+
+
+def _morph_contours(first: Points, second: Points, layout: ContourLayout, frames: int) -> Points:
+    """Return the frames (frames, n, 2) of a morph of contours (n, 2) into others; none meet.
+
+    FinloopError if the first or the second ones meet, or their parts are too near each other.
+    """
+    for name, contours in (("first", first), ("second", second)):
+        count = count_contour_folds(contours, layout)[0]
         if count:
             raise FinloopError(
-                f"the {name} curve, at {points} points, meets itself {count} times",
+                f"the {name} curve, at {layout.sizes[0]} points, meets itself {count} times",
                 "a curve that does not meet itself",
                 "correct the drawing, set more points, or use the method linear",
             )
     tau = np.linspace(0, 1, frames)[:, None, None]
     linear = (1 - tau) * first + tau * second
-    if not count_polygon_folds(linear, closed).any() and _has_simple_motion(linear, closed):
+    if not count_contour_folds(linear, layout).any() and _has_simple_motion(linear, layout):
         return linear
-    stack = _frames_along_path(_find_simple_path(first, second, closed), frames, closed)
-    if count_polygon_folds(stack, closed).any():
+    stack = _frames_along_path(_find_simple_path(first, second, layout), frames, layout)
+    if count_contour_folds(stack, layout).any():
         raise FinloopError(
             "a morph with frames too narrow to be distinguished from folded frames",
             "curves with some room between their parts",
@@ -87,22 +119,25 @@ def path_lengths(poses: Points) -> Points:
     return np.r_[0.0, np.cumsum(steps)]
 
 
-def _find_simple_path(first: Points, second: Points, closed: bool) -> Points:
-    """Return poses (k, n, 2) from one curve (n, 2) to another; no motion from pose to pose folds.
+def _find_simple_path(first: Points, second: Points, layout: ContourLayout) -> Points:
+    """Return poses (k, n, 2) from contours (n, 2) to others; no motion from pose to pose folds.
 
-    Both curves are simplified step by step, and the path is the shortest one on which a straight
-    motion joins a pose of each. If none can be joined, it leads through the last, simplest ones.
+    Both are simplified step by step, and the path is the shortest one on which a straight motion
+    joins a pose of each. If none can be joined, it leads through the last, simplest ones.
     """
-    a, b = _simplify_curve(first, closed), _simplify_curve(second, closed)
+    a, b = _simplify_contours(first, layout), _simplify_contours(second, layout)
     length: float = np.inf
     path: Points | None = None
-    for start in _candidate_starts(a, b) if closed else [0]:
-        shorter = _find_shortest_path(a, np.roll(b, -start, axis=1), closed, limit=length)
+    outer = layout.parts[0]
+    for start in _candidate_starts(a[:, outer], b[:, outer]) if layout.closed else [0]:
+        rolled = b.copy()
+        rolled[:, outer] = np.roll(b[:, outer], -start, axis=1)
+        shorter = _find_shortest_path(a, rolled, layout, limit=length)
         if shorter is not None:
             length, path = shorter
     if path is not None:
         return path
-    between = join_simplified_poses(a[-1], b[-1], closed)[1:-1]
+    between = _join_simplified_contours(a[-1], b[-1], layout)[1:-1]
     return np.concatenate([a, between, b[::-1]])
 
 
@@ -128,7 +163,7 @@ def _candidate_starts(a: Points, b: Points) -> list[int]:
 
 
 def _find_shortest_path(
-    a: Points, b: Points, closed: bool, limit: float
+    a: Points, b: Points, layout: ContourLayout, limit: float
 ) -> tuple[float, Points] | None:
     """Return length and poses (m, n, 2) of the shortest path a → a_i → b_j → b without folds.
 
@@ -141,7 +176,7 @@ def _find_shortest_path(
 
     def try_to_join(i: int, j: int) -> bool:
         """Return whether poses a_i and b_j can be joined; else rule out less simplified pairs."""
-        if _straight_motion_is_simple(a[i], b[j], closed):
+        if _straight_motion_is_simple(a[i], b[j], layout.following):
             return True
         possible[: i + 1, : j + 1] = False
         return False
@@ -157,23 +192,23 @@ def _find_shortest_path(
             shortest_length = float(length[i, j])
             # One pose simpler if that is free too: the shortest free path almost folds.
             is_inside = i + 1 < len(a) and j + 1 < len(b)
-            if is_inside and _straight_motion_is_simple(a[i + 1], b[j + 1], closed):
+            if is_inside and _straight_motion_is_simple(a[i + 1], b[j + 1], layout.following):
                 i, j = i + 1, j + 1
             return shortest_length, np.concatenate([a[: i + 1], b[j::-1]])
     return None
 
 
-def _simplify_curve(points: Points, closed: bool) -> Points:
-    """Return poses (k, n, 2) from a curve (n, 2) to a simple shape, without folds in between.
+def _simplify_contours(points: Points, layout: ContourLayout) -> Points:
+    """Return poses (k, n, 2) from contours (n, 2) to simple shapes, without folds in between.
 
-    The last is a round polygon, else a triangle; of an open curve, a line. FinloopError if the
-    curve's parts are too near each other to be kept apart.
+    The last is a round polygon with small round holes, or a triangle; of an open curve, a line.
+    FinloopError if the contours' parts are too near each other to be kept apart.
     """
-    if not closed:
+    if not layout.closed:
         poses, is_done = straighten_curve(points)
     else:
-        poses, is_done = round_off_polygon(points)
-        if not is_done:
+        poses, is_done = round_off_contours(points, layout)
+        if not is_done and len(layout.sizes) == 1:
             poses, is_done = cut_ears(points)
     if not is_done:
         raise FinloopError(
@@ -197,8 +232,8 @@ def _pose_distances(a: Points, b: Points) -> Points:
 
 
 @kernel
-def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> bool:
-    """Return whether it is proved that a polygon (n, 2) that moves straight to another never folds.
+def _straight_motion_is_simple(first: Points, second: Points, following: Ints) -> bool:
+    """Return whether it is proved that contours (n, 2) that move straight to others never meet.
 
     The motion is tested in PARTS steps.
     """
@@ -210,16 +245,16 @@ def _straight_motion_is_simple(first: Points, second: Points, closed: bool) -> b
                 path[k, v, axis] = (1 - share) * first[v, axis] + share * second[v, axis]
     # Of PARTS = 16 steps; most motions that fold do so here: a quick first test.
     for k in (8, 4, 12, 2, 14):
-        if count_folds_unchecked(path[k], closed, first_only=True):
+        if count_folds_unchecked(path[k], following, first_only=True):
             return False
-    return stays_simple_unchecked(path, closed)
+    return stays_simple_unchecked(path, following)
 
 
-def _frames_along_path(poses: Points, frames: int, closed: bool) -> Points:
+def _frames_along_path(poses: Points, frames: int, layout: ContourLayout) -> Points:
     """Return frames (frames, n, 2) at constant speed along poses (k, n, 2), smoothed in time.
 
     The smoothing is the widest of SMOOTHING that makes no fold; none if all do. The areas of closed
-    frames are kept between those of the ends.
+    frames, holes included, are kept between those of the ends.
     """
     along = path_lengths(poses)
     marks = np.linspace(0, along[-1], frames)
@@ -230,10 +265,10 @@ def _frames_along_path(poses: Points, frames: int, closed: bool) -> Points:
     for width in SMOOTHING:
         smooth = _smooth_in_time(stack, width * frames)
         smooth[0], smooth[-1] = poses[0], poses[-1]
-        if stays_simple(smooth, closed):
+        if contours_stay_simple(smooth, layout):
             stack = smooth
             break
-    return _limit_areas(stack) if closed else stack
+    return _limit_areas(stack, layout) if layout.closed else stack
 
 
 def _smooth_in_time(stack: Points, width: float) -> Points:
@@ -249,34 +284,40 @@ def _smooth_in_time(stack: Points, width: float) -> Points:
     return smooth[reach:-reach]
 
 
-def _limit_areas(stack: Points) -> Points:
-    """Return frames (f, n, 2), scaled so that their areas lie between those of the ends."""
-    areas = [signed_area(Curve(pose, closed=True)) for pose in stack]
+def _limit_areas(stack: Points, layout: ContourLayout) -> Points:
+    """Return frames (f, n, 2), scaled so that their areas lie between those of the ends.
+
+    The areas are those within the first contour.
+    """
+    outer = layout.parts[0]
+    areas = [signed_area(Curve(pose[outer], closed=True)) for pose in stack]
     goals = np.clip(areas, min(areas[0], areas[-1]), max(areas[0], areas[-1]))
     resized = [
-        pose if area == goal else _resize_polygon(pose, goal)
+        pose if area == goal else _resize_contours(pose, outer, goal)
         for pose, area, goal in zip(stack, areas, goals, strict=True)
     ]
     return np.stack(resized)
 
 
-def _has_simple_motion(stack: Points, closed: bool) -> bool:
+def _has_simple_motion(stack: Points, layout: ContourLayout) -> bool:
     """Return whether it is proved that the motion from frame to frame (f, n, 2) makes no fold.
 
     In a straight motion an edge that turns round has length 0 for a moment, which is a fold. So the
     motion may also be one that strays from the straight one by up to NUDGE of the mean edge length.
     """
+    following = layout.following
     for k in range(len(stack) - 1):
         pair = stack[k : k + 2]
-        if stays_simple_unchecked(pair, closed):
+        if stays_simple_unchecked(pair, following):
             continue
         middle = pair.mean(axis=0)
-        away = _smooth_contour(middle, closed) - middle
+        smooth = [_smooth_contour(middle[part], layout.closed) for part in layout.parts]
+        away = np.concatenate(smooth) - middle
         edge = np.hypot(*np.diff(middle, axis=0).T).mean()
         for stray in (NUDGE / 100, NUDGE / 10, NUDGE):
             factor = stray * edge / abs(away).max()
             detour = np.stack([pair[0], middle + factor * away, pair[1]])
-            if stays_simple_unchecked(detour, closed):
+            if stays_simple_unchecked(detour, following):
                 break
         else:
             return False
@@ -306,25 +347,52 @@ def _smooth_contour(points: Points, closed: bool) -> Points:
 
 def _resize_polygon(points: Points, area: float) -> Points:
     """Return a polygon (n, 2) scaled about the mean of its vertices to a signed area."""
-    middle = points.mean(axis=0)
-    return middle + (points - middle) * np.sqrt(area / signed_area(Curve(points, closed=True)))
+    return _resize_contours(points, slice(None), area)
 
 
-def round_off_polygon(points: Points) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) from a simple polygon (n, 2) to a round one, and whether it is round.
+def _resize_contours(points: Points, outer: slice, area: float) -> Points:
+    """Return contours (n, 2) scaled together, until one of them, `outer`, has a signed area.
 
-    The steps are curve shortening; all poses have the same area, and no step makes a fold. The last
-    pose is not round if a step folds after HALVINGS halvings, or if there are MOST_POSES poses.
+    They are scaled about the mean of its vertices.
+    """
+    middle = points[outer].mean(axis=0)
+    factor = np.sqrt(area / signed_area(Curve(points[outer], closed=True)))
+    return middle + (points - middle) * factor
+
+
+def round_off_contours(points: Points, layout: ContourLayout) -> tuple[Points, bool]:
+    """Return poses (k, n, 2) from closed contours (n, 2) to round ones, and whether they are round.
+
+    The steps are curve shortening of all contours at once, which keeps them apart. All poses have
+    the same area within the first contour. A hole shrinks until it is small; from then on it keeps
+    its size, and gives way to the contour around it. No step makes a fold. The last pose is not
+    round if a step folds after HALVINGS halvings, or if there are MOST_POSES poses.
     """
     poses = [np.ascontiguousarray(points, np.float64)]
-    edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
-    area = signed_area(Curve(points, closed=True))
+    outer, *holes = layout.parts
+    following = layout.following
+    area = signed_area(Curve(poses[0][outer], closed=True))
+    least = np.array([
+        min(SMALL * abs(area), abs(signed_area(Curve(poses[0][hole], closed=True))))
+        for hole in holes
+    ])  # fmt: skip
+    edges = _edge_lengths(poses[0][outer])
     step, halvings = edges.mean() ** 2, 0
-    while 4 * np.pi * abs(area) <= ROUND * edges.sum() ** 2:  # equal, without ROUND, in a circle
-        pose = _resize_polygon(_implicit_step(poses[-1], step), area)
-        if stays_simple_unchecked(np.stack([poses[-1], pose]), closed=True):
+    # 4π area / length² is 1, without ROUND, in a circle
+    while 4 * np.pi * abs(area) <= ROUND * edges.sum() ** 2 or not _are_small(
+        poses[-1], holes, least
+    ):
+        shorter = np.concatenate([_implicit_step(poses[-1][part], step) for part in layout.parts])
+        pose = _resize_contours(shorter, outer, area)
+        for hole, least_area in zip(holes, least, strict=True):
+            hole_area = signed_area(Curve(pose[hole], closed=True))
+            if abs(hole_area) < least_area:
+                pose[hole] = _resize_polygon(pose[hole], np.copysign(least_area, hole_area))
+        if holes:
+            move_holes_inside(pose, outer, holes)
+        if stays_simple_unchecked(np.stack([poses[-1], pose]), following):
             poses.append(pose)
-            edges = np.hypot(*(np.roll(pose, -1, axis=0) - pose).T)
+            edges = _edge_lengths(pose[outer])
             step, halvings = min(step * GROWTH, STEP * abs(area)), 0
         elif halvings < HALVINGS:
             step, halvings = step / 2, halvings + 1
@@ -333,13 +401,24 @@ def round_off_polygon(points: Points) -> tuple[Points, bool]:
     return np.stack(poses), True
 
 
+def _edge_lengths(points: Points) -> Floats:
+    """Return the lengths (n,) of the edges of a closed polygon (n, 2)."""
+    return np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+
+
+def _are_small(pose: Points, holes: Sequence[slice], least: Floats) -> bool:
+    """Return whether all holes of a pose (n, 2) have shrunk to about their least areas (h,)."""
+    areas = [abs(signed_area(Curve(pose[hole], closed=True))) for hole in holes]
+    return all(area <= 1.01 * least_area for area, least_area in zip(areas, least, strict=True))
+
+
 def _implicit_step(points: Points, step: float) -> Points:
     """Return a polygon (n, 2) after one implicit step of curve shortening, of the time `step`.
 
     It solves (1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|². The system
     is tridiagonal but for two corners, which Sherman and Morrison's formula adds.
     """
-    edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+    edges = _edge_lengths(points)
     q = step / ((np.roll(edges, 1) + edges) / 2) ** 2
     # The matrix is B + u vᵀ with a tridiagonal B, u = (corner, 0 … 0, −q_{n−1}) and
     # v = (1, 0 … 0, ratio).
@@ -363,6 +442,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
     """
     pose = np.ascontiguousarray(points, np.float64)
     area, n = signed_area(Curve(pose, closed=True)), len(pose)
+    following = ContourLayout((n,)).following
     poses, corners = [pose], np.arange(n)  # corners: the vertices that are not yet straightened
     while len(corners) > 3:
         before, after = np.roll(corners, 1), np.roll(corners, -1)
@@ -375,7 +455,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
             share = span[:, None] / (len(span) + 1)
             cut = pose.copy()
             cut[(first + span) % n] = pose[first] + (pose[last] - pose[first]) * share
-            if ear_area[k] >= 0 and stays_simple_unchecked(np.stack([pose, cut]), closed=True):
+            if ear_area[k] >= 0 and stays_simple_unchecked(np.stack([pose, cut]), following):
                 break
         else:
             return np.stack(poses), False
@@ -391,6 +471,7 @@ def straighten_curve(points: Points) -> tuple[Points, bool]:
     about the curve's middle, enlarged to its length.
     """
     points = np.ascontiguousarray(points, np.float64)
+    following = ContourLayout((len(points),), closed=False).following
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
     # The last pose shows the share `length_share` of the curve, the next one `shrink` times that.
     poses, length_share, shrink = [points], 1.0, SHRINK
@@ -400,7 +481,7 @@ def straighten_curve(points: Points) -> tuple[Points, bool]:
         x, y = (np.interp(marks, along, values) for values in points.T)
         pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / share
         pose += points.mean(axis=0)
-        if stays_simple_unchecked(np.stack([poses[-1], pose]), closed=False):
+        if stays_simple_unchecked(np.stack([poses[-1], pose]), following):
             poses.append(pose)
             length_share, shrink = share, max(SHRINK, shrink**2)  # twice the step again
         elif shrink < SLOWEST:
@@ -415,6 +496,53 @@ def _is_straight(points: Points) -> bool:
     edges, chord = np.diff(points, axis=0), points[-1] - points[0]
     ahead, aside = edges @ chord, edges @ [-chord[1], chord[0]]
     return bool((ahead > abs(aside)).all())
+
+
+def _join_simplified_contours(first: Points, second: Points, layout: ContourLayout) -> Points:
+    """Return poses (JOIN, n, 2) without folds from simplified contours (n, 2) to others.
+
+    Small holes keep their place in the round contour around them, or move straight or round in it
+    to their place in the other one. FinloopError if they meet on every such course.
+    """
+    holes = layout.parts[1:]
+    joined = [
+        join_simplified_poses(first[part], second[part], layout.closed) for part in layout.parts
+    ]
+    if not holes:
+        return joined[0]
+    discs = np.stack([_disc(pose) for pose in joined[0]])  # centre x, y and radius of the outer one
+    share = np.linspace(0, 1, JOIN)
+    for turns in (None, 0, 1, -1):  # straight, or round the centre with so many more turns
+        poses = list(joined)
+        for k, hole in enumerate(holes, start=1):
+            ends = [
+                complex(*(area_centroids(pose[hole]) - disc[:2]) / disc[2])
+                for pose, disc in ((first, discs[0]), (second, discs[-1]))
+            ]
+            if turns is None:
+                place = (1 - share) * ends[0] + share * ends[1]
+            else:
+                angle = np.angle(ends[1] / ends[0]) + 2 * np.pi * turns
+                radius = (1 - share) * abs(ends[0]) + share * abs(ends[1])
+                place = radius * np.exp(1j * (np.angle(ends[0]) + share * angle))
+            centres = discs[:, :2] + discs[:, 2:] * np.stack([place.real, place.imag], axis=1)
+            own = np.stack([area_centroids(pose) for pose in joined[k]])
+            poses[k] = joined[k] + (centres - own)[:, None]
+        stack = np.concatenate(poses, axis=1)
+        stack[0], stack[-1] = first, second
+        if contours_stay_simple(stack, layout):
+            return stack
+    raise FinloopError(
+        "holes that meet on their way to their places in the other region",
+        "holes that can pass each other",
+        "pair the holes by ids, or use morph.method=linear",
+    )
+
+
+def _disc(polygon: Points) -> Floats:
+    """Return centre x, y and radius (3,) of the disc with a polygon's area, about its centroid."""
+    area = abs(signed_area(Curve(polygon, closed=True)))
+    return np.array([*area_centroids(polygon), np.sqrt(area / np.pi)])
 
 
 def join_simplified_poses(first: Points, second: Points, closed: bool) -> Points:

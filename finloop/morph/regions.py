@@ -1,0 +1,191 @@
+"""Regions with holes: which contours of two regions correspond, and small holes that give way.
+
+A region is one closed contour and the holes in it, as of the letters d and B. Its contours lie one
+after the other in one array of vertices, the outer one first (`ContourLayout`).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+import skimage.measure
+
+from finloop.base.arrays import Floats, Points
+from finloop.base.errors import FinloopError
+from finloop.curve.contour import Curve, resample_curve, signed_area
+from finloop.morph.match import match_curves
+
+SMALL = 1e-3
+"""Area, as a share of that within the outer contour, to which holes shrink: they have room there
+whatever the shape around them."""
+POINT = 1e-6  # area, likewise, of a hole that grows from a point: less than a pixel
+CLEAR = 3.0  # radii of a small hole: distance that it keeps from other contours
+ROUNDS = 8  # of moving holes that are too near to another contour
+GRID = 48  # places along each side of a region, of which one is chosen for a new hole
+
+
+class Region(NamedTuple):
+    """The contours of a region: the outer one, and its holes."""
+
+    outer: Curve
+    holes: list[Curve]
+
+
+def split_regions(contours: Sequence[Curve]) -> list[Region]:
+    """Return the regions that closed contours make, the largest first.
+
+    By the even-odd rule a contour within an odd number of others is a hole, of the smallest region
+    around it; any other one begins a region. FinloopError if a contour is open.
+    """
+    if not all(curve.closed for curve in contours):
+        raise FinloopError(
+            "a region with an open contour", "closed contours", "close them (Z), or part the path"
+        )
+    regions: list[Region] = []
+    for curve in sorted(contours, key=lambda curve: -abs(signed_area(curve))):
+        around = [
+            region for region in regions if _is_inside(curve.points[:1], region.outer.points)[0]
+        ]
+        in_hole = [
+            region
+            for region in around
+            if any(_is_inside(curve.points[:1], hole.points)[0] for hole in region.holes)
+        ]
+        if len(around) > len(in_hole):
+            around[-1].holes.append(curve)  # the smallest is the last
+        else:
+            regions.append(Region(curve, []))
+    return regions
+
+
+def pair_regions(a: Sequence[Curve], b: Sequence[Curve]) -> list[tuple[Region, Region]]:
+    """Return the regions of two shapes in pairs, such as the dots and stems of i and j.
+
+    Pairs are by place in the shapes' boxes, so that the sum of distances is least. FinloopError if
+    one shape has more separate regions than the other, or a contour is open.
+    """
+    first, second = split_regions(a), split_regions(b)
+    if len(first) != len(second):
+        raise FinloopError(
+            f"{len(first)} separate parts in the first drawing, {len(second)} in the second",
+            "as many in both",
+            "give each part a path and an id of its own",
+        )
+    boxes = [np.concatenate([region.outer.points for region in side]) for side in (first, second)]
+    places = [
+        np.stack([_place_in_box(region.outer.points.mean(axis=0), box) for region in side])
+        for side, box in zip((first, second), boxes, strict=True)
+    ]
+    return [(first[row], second[column]) for row, column in _nearest_pairs(*places)]
+
+
+def match_regions(a: Region, b: Region, points: int) -> tuple[list[Points], list[Points]]:
+    """Return the contours of two regions, outer ones first, as corresponding points (points, 2).
+
+    Holes are paired by their places in the outer contours' boxes, so that the sum of distances is
+    least. A hole without a partner gets one as small as a point, at that place of the other region
+    or as near to it as there is room.
+    """
+    outer_a, outer_b = match_curves(a.outer, b.outer, points)
+    contours_a, contours_b = [outer_a], [outer_b]
+    places_a, places_b = (
+        np.array([_place_in_box(hole.points.mean(axis=0), outer) for hole in holes]).reshape(-1, 2)
+        for holes, outer in ((a.holes, outer_a), (b.holes, outer_b))
+    )
+    pairs = _nearest_pairs(places_a, places_b)
+    for row, column in pairs:
+        points_a, points_b = match_curves(a.holes[row], b.holes[column], points)
+        contours_a.append(points_a)
+        contours_b.append(points_b)
+    for row in set(range(len(a.holes))) - {row for row, _ in pairs}:
+        contours_a.append(resample_curve(a.holes[row], points).points)
+        contours_b.append(_new_hole(contours_a[-1], places_a[row], contours_b))
+    for column in set(range(len(b.holes))) - {column for _, column in pairs}:
+        contours_b.append(resample_curve(b.holes[column], points).points)
+        contours_a.append(_new_hole(contours_b[-1], places_b[column], contours_a))
+    return contours_a, contours_b
+
+
+def _nearest_pairs(places: Points, other_places: Points) -> list[tuple[int, int]]:
+    """Return pairs of places (k, 2) and other ones (m, 2) with the least sum of distances."""
+    distances = np.hypot(*(places[:, None] - other_places).transpose(2, 0, 1))
+    rows, columns = scipy.optimize.linear_sum_assignment(distances)
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
+
+
+def _place_in_box(point: Points, outer: Points) -> Points:
+    """Return a point (2,) in shares of the bounding box of a contour (n, 2)."""
+    low = outer.min(axis=0)
+    return np.asarray((point - low) / (outer.max(axis=0) - low))
+
+
+def _new_hole(hole: Points, place: Points, contours: Sequence[Points]) -> Points:
+    """Return a hole (n, 2) as small as a point, in a region, as near to a place as it has room.
+
+    hole (n, 2): its shape; place (2,): in shares of the outer contour's box; contours: those of the
+    region, the outer one first.
+    """
+    outer = contours[0]
+    area = POINT * abs(signed_area(Curve(outer, closed=True)))
+    middle = hole.mean(axis=0)
+    small = (hole - middle) * np.sqrt(area / abs(signed_area(Curve(hole, closed=True))))
+    # It needs room for the size of other small holes, as it has theirs for a part of the way.
+    room = 2 * CLEAR * float(np.hypot(*small.T).max()) * np.sqrt(SMALL / POINT)
+    low, high = outer.min(axis=0), outer.max(axis=0)
+    shares = (np.arange(GRID) + 0.5) / GRID
+    grid = low + np.stack(np.meshgrid(shares, shares), axis=-1).reshape(-1, 2) * (high - low)
+    inside = _is_inside(grid, outer)
+    clearance = np.full(len(grid), np.inf)
+    for contour in contours:
+        clearance = np.minimum(clearance, _nearest_points(grid, contour)[0])
+    for other in contours[1:]:
+        inside &= ~_is_inside(grid, other)
+    clearance[~inside] = -np.inf
+    has_room = clearance > min(room, clearance.max() / 2)
+    far = np.hypot(*(grid - low - place * (high - low)).T)
+    return np.asarray(grid[np.where(has_room, far, np.inf).argmin()] + small)
+
+
+def move_holes_inside(pose: Points, outer: slice, holes: Sequence[slice]) -> None:
+    """Move the small holes of a pose (n, 2) away from other contours that are too near, in place.
+
+    A hole is small if it has at most about SMALL of the outer contour's area; it keeps CLEAR of its
+    radii away from the outer contour and the other holes. outer, holes: slices of the contours.
+    """
+    least = 1.01 * SMALL * abs(signed_area(Curve(pose[outer], closed=True)))
+    small = [hole for hole in holes if abs(signed_area(Curve(pose[hole], closed=True))) <= least]
+    for _ in range(ROUNDS if small else 0):
+        moved = False
+        for hole in small:
+            middle = pose[hole].mean(axis=0)
+            radius = np.hypot(*(pose[hole] - middle).T).max()
+            for other in (outer, *(other for other in holes if other is not hole)):
+                distance, nearest = _nearest_points(middle[None], pose[other])
+                is_inside = _is_inside(middle[None], pose[other])[0]
+                signed = distance[0] if is_inside == (other is outer) else -distance[0]
+                lacking = (1 + CLEAR) * radius - signed
+                if lacking > 0:
+                    away = (middle - nearest[0]) * np.sign(signed or 1.0)
+                    pose[hole] += away * lacking / max(float(np.hypot(*away)), 1e-300)
+                    middle, moved = pose[hole].mean(axis=0), True
+        if not moved:
+            break
+
+
+def _is_inside(points: Points, polygon: Points) -> np.ndarray:
+    """Return whether each point (k, 2) is inside a closed polygon (n, 2): (k,)."""
+    return np.asarray(skimage.measure.points_in_poly(points, polygon))
+
+
+def _nearest_points(points: Points, polygon: Points) -> tuple[Floats, Points]:
+    """Return the distances (k,) of points (k, 2) from a closed polygon (n, 2), and where (k, 2)."""
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    offset = points[:, None] - polygon
+    length2 = np.maximum((edge**2).sum(axis=1), 1e-300)
+    share = np.clip((offset * edge).sum(axis=2) / length2, 0, 1)
+    away = offset - share[..., None] * edge
+    distances = np.hypot(away[..., 0], away[..., 1])
+    best = distances.argmin(axis=1)
+    rows = np.arange(len(points))
+    return distances[rows, best], points - away[rows, best]
