@@ -2,6 +2,7 @@
 
 from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
+import sys
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -24,10 +25,12 @@ from finloop.morph.layers import (
     METHODS,
     LinearOptions,
     PhysicalOptions,
+    fit_drawing,
     morph_drawings,
     there_and_back,
 )
 from finloop.morph.match import match_curves
+from finloop.morph.pairs import load_pairing, pair_drawings, pair_shapes
 from finloop.morph.settings import MorphSettings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
 from finloop.plots.morph import draw_morphs
@@ -164,7 +167,12 @@ def main() -> None:
     """
     p: MorphSettings = load_settings("morph")
     numbers = _draw_curve_paper_figures(p) | _draw_released_hoop(p)
-    drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
+    first = load_svg(Path(p.first_drawing))
+    last = fit_drawing(load_svg(Path(p.last_drawing)), first.width, first.height)
+    pairing = pair_shapes(first, last, load_pairing(Path(p.pairs)) if p.pairs else None)
+    if pairing.summary:
+        print(f"morph: {pairing.summary}", file=sys.stderr)
+    drawings = pair_drawings(first, last, pairing)
     scales = LinearOptions(p.linear_level, p.wavelet)
     physics = PhysicalOptions(p.elasticity, p.damping, p.mass)
     with report_progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:

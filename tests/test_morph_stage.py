@@ -76,7 +76,7 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [("morph.contour_points=100", "power of two"), ("morph.wavelet=db2", "H"),
-     ("morph.last_drawing=data/drawings/hoop.svg", "hoop")],
+     ("morph.pairs=none.yaml", "none.yaml")],
 )  # fmt: skip
 @pytest.mark.usefixtures("no_drawing")
 def test_what_is_wrong_is_said_and_nothing_is_lost(folder, monkeypatch, asked, said):

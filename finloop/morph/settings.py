@@ -14,6 +14,7 @@ class MorphSettings:
 
     first_drawing: str
     last_drawing: str
+    pairs: str | None
     method: Literal["linear", "physical", "fold_free"]  # Eq. 4.1 | Fig. 5 | never folds
     frames: Annotated[int, Field(ge=2, le=10_000)]
     contour_points: Annotated[int, Field(ge=16, le=4096)]

@@ -1,7 +1,7 @@
 """The command line of `morph`: `python -m finloop.morph a.svg b.svg -o out.svg`.
 
-Contours of the same id form a pair. The file name's ending selects the format: .svg, .webp, .mp4,
-.json, .lottie.json.
+Shapes of the same id form a pair; others are paired by place and shape, or by a file. The ending of
+the output selects the format: .svg, .webp, .mp4, .json, .lottie.json.
 """
 
 import argparse
@@ -16,9 +16,11 @@ from finloop.morph.layers import (
     METHODS,
     LinearOptions,
     PhysicalOptions,
+    fit_drawing,
     morph_drawings,
     there_and_back,
 )
+from finloop.morph.pairs import FORM, load_pairing, pair_drawings, pair_shapes
 
 
 def main(arguments: list[str] | None = None, program: str = "python -m finloop.morph") -> int:
@@ -33,9 +35,11 @@ def main(arguments: list[str] | None = None, program: str = "python -m finloop.m
 def _write_morph(options: argparse.Namespace) -> str:
     """Write the morph that the command line's options describe; return its summary."""
     find_morph_writer(options.output)  # check the ending first
+    a = load_svg(options.a)
+    b = fit_drawing(load_svg(options.b), a.width, a.height)
+    pairing = pair_shapes(a, b, load_pairing(options.pairs) if options.pairs else None)
     result = morph_drawings(
-        load_svg(options.a),
-        load_svg(options.b),
+        *pair_drawings(a, b, pairing),
         options.method,
         options.frames,
         options.points,
@@ -44,7 +48,7 @@ def _write_morph(options: argparse.Namespace) -> str:
     )
     shown = there_and_back(result) if options.back else result
     save_animation(options.output, shown, options.fps, options.size)
-    return _summarise_morph(result)
+    return "; ".join(filter(None, [_summarise_morph(result), pairing.summary]))
 
 
 def _summarise_morph(result: Morph) -> str:
@@ -63,13 +67,14 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     """Return the parser of the command line's options."""
     parser = argparse.ArgumentParser(
         prog=program,
-        description="Morph one drawing into another; contours of the same id form a pair.",
+        description="Morph one drawing into another; shapes of the same id form a pair.",
     )
     parser.add_argument("a", type=Path, help="the first drawing, SVG")
-    parser.add_argument("b", type=Path, help="the second drawing, with the same ids")
+    parser.add_argument("b", type=Path, help="the second drawing")
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help=f"output file: {', '.join(ENDINGS)}"
     )
+    parser.add_argument("--pairs", type=Path, help=f"YAML: {FORM}")
     parser.add_argument("--method", choices=METHODS, default="fold_free", help="default: fold_free")
     parser.add_argument("--frames", type=int, default=60, help="including both ends (default 60)")
     parser.add_argument(
