@@ -2,7 +2,8 @@
 
 `python -m benchmarks.curve` prints the tables and writes benchmarks/curve.csv. Ratios come from
 runs in turn. The exact solution is that of a bent hoop of 1024 points; peers get sparse K in the φ
-basis. Round trips, off-diagonal energies and the errors of all methods are printed only.
+basis. Round trips, off-diagonal energies, the errors of all methods, and time and error against the
+number of control points (Figs. 7, 14) are printed only.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -26,6 +27,7 @@ from finloop.curve.wavelet import CUBIC, inverse_transform, wavelet_transform
 CURVES, POINTS, LEVELS = 1000, 1024, 6
 LARGE, LIMIT_S = 4096, 0.1
 TIMES = np.linspace(0, 1, 61)  # the paper's τ: a swing of the slowest mode
+CONTROL = (4, 8, 16, 32, 64, 128, 256)
 TIGHT = 1e-10
 MATERIAL = Material(1.0, 1.0, 0.5, 0.0)
 MASSLESS = Material(0.0, 1.0, 1.0, 0.01)
@@ -139,6 +141,30 @@ def print_method_errors() -> None:
         )
 
 
+def print_costs_of_levels() -> None:
+    """Print time and error of a hoop solved at fewer control points than its CONTROL[-1].
+
+    The paper's Runge-Kutta works in the φ basis; a step of it must follow the stiffest mode, whose
+    frequency grows with the number of control points.
+    """
+    problem = Problem(*bend_hoop(CONTROL[-1]), MATERIAL, TIMES)
+    fine = solve_motion(problem).displacement
+    options = SolverOptions(levels=0)
+    rows = []
+    for level in reversed(range(len(CONTROL))):
+        runs = [
+            min((time_call(partial(solve_motion, problem, method, options, level))
+                 for _ in range(5)), key=lambda run: run[0])
+            for method in ("modal", "runge-kutta")
+        ]  # fmt: skip
+        errors = [float(np.abs(motion.displacement - fine).max()) for _, motion in runs]
+        (modal_s, _), (runge_kutta_s, _) = runs
+        rows.append((CONTROL[-1] >> level, 1e3 * modal_s, 1e3 * runge_kutta_s, *errors))
+    columns = ["control points", "modal [ms]", "Runge-Kutta [ms]", "modal error", "its error"]
+    print("cost of a level, with the rebuilt curves; errors in radii of the hoop:")
+    print(pd.DataFrame(rows, columns=columns).round(4).to_string(index=False))
+
+
 def main() -> None:
     """Time transforms, integrators and products; print and write the tables."""
     rows = [compare_transforms(), compare_exact_solutions(), *time_stiffness_matrices()]
@@ -153,6 +179,7 @@ def main() -> None:
     print("off-diagonal energy of K [%] per level:")
     print(shares.round(1).to_string(index_names=False))
     print_method_errors()
+    print_costs_of_levels()
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ def test_the_command_from_end_to_end(tmp_path):
     """As a person would: another process, in another folder, two cycles in a row."""
     command = [sys.executable, "-m", "finloop.gait", *DOG, "--gait", "dog_walk", "-o", "out.json"]
     done = subprocess.run(
-        [*command, *SMALL, "--cycles", "2", "--control", "4"],
+        [*command, *SMALL, "--cycles", "2", "--level", "3", "--wavelet", "db4"],
         cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=120,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
@@ -129,7 +129,9 @@ def test_tempo(hz, frames, rate, wanted):
         (leg("a"), leg("a"), ["--points", "4"], "4 points"),
         (leg("a"), leg("a"), ["--cycles", "0"], "0 cycles"),
         (leg("a"), leg("a"), ["--cycles", "9999"], "9999 cycles"),
-        (leg("a"), leg("a"), ["--control", "5"], "5 control points"),
+        (leg("a"), leg("a"), ["--level", "4"], "0 to 3: a contour needs 4 control points"),
+        (leg("a"), leg("a"), ["--level", "-1"], "level -1"),
+        (leg("a"), leg("a"), ["--wavelet", "db99"], "the wavelet 'db99'"),
         (leg("a"), leg("a"), ["--rate", "2000"], "2000 frames per second"),
     ],
 )  # fmt: skip

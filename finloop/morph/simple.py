@@ -35,7 +35,7 @@ from finloop.morph.folds import (
     stays_simple,
     stays_simple_unchecked,
 )
-from finloop.morph.match import match_curves, misfit_by_start
+from finloop.morph.match import FULL, Resolution, match_curves, misfit_by_start
 
 GROWTH = 1.3  # factor of the time step, from one pose to the next
 STEP = 0.1  # longest time step, in areas of the curve
@@ -51,13 +51,15 @@ REACH = 10  # edges: width of the mean along a curve
 NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between two frames
 
 
-def morph_without_folds(a: Curve, b: Curve, frames: int, points: int) -> Points:
+def morph_without_folds(
+    a: Curve, b: Curve, frames: int, points: int, resolution: Resolution = FULL
+) -> Points:
     """Return the frames (frames, points, 2) of a morph of curve a into b; none meets itself.
 
-    The ends are a and b, resampled. FinloopError if one curve is open and the other closed, if a
-    curve, resampled, meets itself, or if its parts are too near each other.
+    The ends are a and b, resampled, at a resolution. FinloopError if one curve is open and the
+    other closed, if a curve, resampled, meets itself, or if its parts are too near each other.
     """
-    first, second = match_curves(a, b, points)
+    first, second = match_curves(a, b, points, resolution)
     closed = a.closed
     for name, points_of_curve in (("first", first), ("second", second)):
         count = count_polygon_folds(points_of_curve, closed)[0]
