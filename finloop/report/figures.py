@@ -203,8 +203,9 @@ CURVES = Chapter(
     "curves", "Curves", CURVE,
     "Outlines as wavelet coefficients: coarse, swinging, morphed.", (
         Figure("morph/figures/fig2.png", "Fig. 2", "One outline at every scale",
-               "A digit's outline, kept with fewer and fewer coefficients, for two wavelets.",
-               "The digit 3, ever coarser from left to right, in two rows."),
+               "A digit's outline, kept with fewer and fewer coefficients, by the paper's two "
+               "wavelets and the chosen one.",
+               "The digit 3, ever coarser from left to right, in rows."),
         Figure("morph/figures/fig3.png", "Fig. 3", "The stiffness matrix",
                "In the wavelet basis, at two scales; black is large.",
                "A square matrix with bands along the diagonals of its blocks."),
