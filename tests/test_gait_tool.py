@@ -57,6 +57,18 @@ def test_the_command_from_end_to_end(tmp_path):
     assert list(frames[0]["layers"]) == list(load_svg(Path(DOG[0])).curves)
 
 
+def test_level_and_wavelet_reach_the_drawing(tmp_path):
+    """Without a level, and with one γ a limb, all points move alike by any wavelet."""
+    out, made = tmp_path / "out.json", {}
+    for level in ("0", "3"):
+        for wavelet in ("coif2", "db4"):
+            given = ["--level", level, "--wavelet", wavelet, "-o", str(out), *SMALL]
+            assert main([*DOG, "--gait", "dog_walk", *given]) == 0
+            made[level, wavelet] = out.read_bytes()
+    assert made["0", "coif2"] == made["0", "db4"]
+    assert len(set(made.values())) == 3
+
+
 def test_an_animated_picture_goes_on_from_its_last_frame_to_its_first(tmp_path):
     """It would stand still at its end otherwise, and jump."""
     out = tmp_path / "out.svg"
