@@ -2,13 +2,15 @@
 
 `python -m benchmarks.curve` prints the tables and writes benchmarks/curve.csv. Ratios come from
 runs in turn. The exact solution is that of a bent hoop of 1024 points; peers get sparse K in the φ
-basis. Round trips, off-diagonal energies and the errors of all methods are printed only.
+basis. Round trips, off-diagonal energies, the errors of all methods, and time and error against the
+number of control points (Figs. 7, 14) are printed only.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,10 +24,15 @@ from benchmarks.speed import time_call, time_pairs
 from finloop.curve.dynamics import Material, Problem, SolverOptions, solve_motion
 from finloop.curve.stiffness import off_diagonal_share, stiffness_matrix
 from finloop.curve.wavelet import CUBIC, inverse_transform, wavelet_transform
+from finloop.drawn.dog.walk import DogFilm, true_limb_contours
+from finloop.gait.coarse import few_point_contours
+from finloop.gait.model import Gait, HalfCycleLayout, contours_at_phases
+from finloop.gait.truth import true_gamma
 
 CURVES, POINTS, LEVELS = 1000, 1024, 6
 LARGE, LIMIT_S = 4096, 0.1
 TIMES = np.linspace(0, 1, 61)  # the paper's τ: a swing of the slowest mode
+CONTROL = (4, 8, 16, 32, 64, 128, 256)
 TIGHT = 1e-10
 MATERIAL = Material(1.0, 1.0, 0.5, 0.0)
 MASSLESS = Material(0.0, 1.0, 1.0, 0.01)
@@ -139,6 +146,64 @@ def print_method_errors() -> None:
         )
 
 
+def print_costs_of_levels() -> None:
+    """Print time and error of a hoop solved at fewer control points than all (Fig. 7).
+
+    The paper's Runge-Kutta works in the φ basis; a step of it must follow the stiffest mode, whose
+    frequency grows with the number of control points.
+    """
+    problem = Problem(*bend_hoop(CONTROL[-1]), MATERIAL, TIMES)
+    fine = solve_motion(problem).displacement
+    options = SolverOptions(levels=0)
+    rows = []
+    for control in CONTROL:
+        level = int(np.log2(CONTROL[-1] // control))
+        row: list[float] = [control]
+        for method in ("modal", "runge-kutta"):
+            ms, motion = fastest_call(partial(solve_motion, problem, method, options, level))
+            row += [ms, float(np.abs(motion.displacement - fine).max())]
+        rows.append(row)
+    columns = ["points", "modal, ms", "error", "Runge-Kutta, ms", "error"]
+    print("a hoop solved at few control points, curves rebuilt; errors in radii:")
+    print_rounded(rows, columns)
+
+
+def print_costs_of_gait() -> None:
+    """Print time and error of a gait cycle solved at few control points (Fig. 14): the drawn dog.
+
+    Its keys are exact: frames 1 and 2 of a film of four frames a cycle.
+    """
+    dog, phases = DogFilm(frames=4, cycles=1), np.arange(24) / 24
+    contours = true_limb_contours(dog, CONTROL[-2])
+    key1, key2 = ({name: points[k] for name, points in contours.items()} for k in (0, 1))
+    gamma = {name: {letter: (gamma,) for letter, gamma in subcycles.items()}
+             for name, subcycles in true_gamma(dog).items()}  # fmt: skip
+    gait = Gait("dog", "swap", dog.frequency_hz, gamma)
+    layout = HalfCycleLayout()
+    whole = fastest_call(partial(contours_at_phases, key1, key2, gait, phases, layout))
+    rows = [[CONTROL[-2], whole[0], 0.0]]
+    for control in (4, 16, 64):
+        few = partial(few_point_contours, key1, key2, gait, phases, layout, control)
+        ms, frames = fastest_call(few)
+        off = np.stack([frames[name] - whole[1][name] for name in frames])
+        rms = np.sqrt((off**2).sum(axis=-1).mean())
+        rows.append([control, ms, 100 * float(rms) / dog.body_length_px])
+    print("a gait cycle solved at few control points, curves rebuilt; error in % of body length:")
+    print_rounded(rows, ["points", "ms", "error"])
+
+
+def fastest_call(work: Callable[[], Any]) -> tuple[float, Any]:
+    """Return the least time of five calls, in ms, and the result."""
+    seconds, result = min((time_call(work) for _ in range(5)), key=lambda run: run[0])
+    return 1e3 * seconds, result
+
+
+def print_rounded(rows: list[list[float]], columns: list[str]) -> None:
+    """Print a table of numbers with two significant digits."""
+    table = pd.DataFrame(rows, columns=columns)
+    print(table.to_string(index=False, float_format=lambda number: f"{number:.2g}"))
+
+
 def main() -> None:
     """Time transforms, integrators and products; print and write the tables."""
     rows = [compare_transforms(), compare_exact_solutions(), *time_stiffness_matrices()]
@@ -153,6 +218,8 @@ def main() -> None:
     print("off-diagonal energy of K [%] per level:")
     print(shares.round(1).to_string(index_names=False))
     print_method_errors()
+    print_costs_of_levels()
+    print_costs_of_gait()
 
 
 if __name__ == "__main__":

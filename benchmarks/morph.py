@@ -31,7 +31,7 @@ from finloop.morph.folds import (
     count_polygon_folds,
     stays_simple,
 )
-from finloop.morph.layers import linear_morph, physical_morph
+from finloop.morph.layers import PhysicalOptions, linear_morph, physical_morph
 from finloop.morph.regions import split_regions
 from finloop.morph.simple import (
     morph_regions_without_folds,
@@ -40,7 +40,7 @@ from finloop.morph.simple import (
 )
 
 FRAMES, POINTS = 60 + 2, 256
-ELASTIC, DAMPING, MASS = 0.1, 4.0, 1.0
+PHYSICS = PhysicalOptions(elastic=0.1, damping=4.0, mass=1.0)
 OTHERS = {
     "d3-interpolate-path": 15.9,
     "polymorph": 17.8,
@@ -112,12 +112,9 @@ def main() -> None:
     pairs = list(combinations(single_contour_glyphs().values(), 2))
     for a, b in pairs[:40:8]:  # compiles
         morph_without_folds(a, b, FRAMES, POINTS)
-        physical_morph(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
+        physical_morph(a, b, FRAMES, POINTS, PHYSICS)
     linear = [time_call(partial(linear_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
-    physical = [
-        time_call(partial(physical_morph, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS))
-        for a, b in pairs
-    ]
+    physical = [time_call(partial(physical_morph, a, b, FRAMES, POINTS, PHYSICS)) for a, b in pairs]
     simple = [time_call(partial(morph_without_folds, a, b, FRAMES, POINTS)) for a, b in pairs]
     lengths = [path_lengths(frames)[-1] for _, frames in linear]
     kept = [k for k, (_, frames) in enumerate(linear) if is_free_of_folds(frames)]

@@ -60,6 +60,7 @@ OTHER = {
     "morph.first_drawing": "data/drawings/face_b.svg",
     "morph.last_drawing": "data/drawings/face_a.svg",
     "morph.wavelet": "db4",
+    "gait.wavelet": "db4",
     "gait.walker_drawings": ["data/drawings/dog_2.svg", "data/drawings/dog_1.svg"],
     "gait.swimmer_drawings": ["data/drawings/fish_2.svg", "data/drawings/fish_1.svg"],
     "gait.swimmer_gait": None,

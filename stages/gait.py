@@ -254,7 +254,9 @@ def _animate_drawing(
     """
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
-    result = animate_drawing(first, second, gait, frames, p.contour_points)
+    control = p.contour_points >> p.level if p.level else None
+    gait = replace(gait, wavelet=p.wavelet)
+    result = animate_drawing(first, second, gait, frames, p.contour_points, control)
     rate = Fraction(frames * gait.frequency_hz).limit_denominator(_RATE_DENOMINATOR)
     cycles = repeat_cycle(result.morph, max(1, round(SECONDS * gait.frequency_hz)))
     for ending in ENDINGS:  # a player of MP4 stops at its end, the others begin again

@@ -10,9 +10,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.base.drawing import Morph
+from finloop.base.arrays import Floats
+from finloop.base.drawing import Drawing, Morph
 from finloop.curve.contour import Curve, resample_curve, signed_area
-from finloop.curve.dynamics import Material, Problem, SolverOptions, solve_motion, total_energy
+from finloop.curve.dynamics import (
+    Material,
+    Problem,
+    SolverOptions,
+    Trajectory,
+    solve_motion,
+    total_energy,
+)
 from finloop.curve.glyph import glyph_outlines
 from finloop.curve.stiffness import connection_coefficients, off_diagonal_share, stiffness_matrix
 from finloop.curve.wavelet import CUBIC, drop_details
@@ -23,13 +31,12 @@ from finloop.io.svg import load_svg
 from finloop.io.table import save_csv
 from finloop.morph.layers import (
     METHODS,
-    LinearOptions,
     PhysicalOptions,
     fit_drawing,
     morph_drawings,
     there_and_back,
 )
-from finloop.morph.match import match_curves
+from finloop.morph.match import Resolution, match_curves
 from finloop.morph.pairs import load_pairing, pair_drawings, pair_shapes
 from finloop.morph.settings import MorphSettings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
@@ -42,6 +49,10 @@ TABLES = ("db4", "coif2")  # of the paper's Tables 1 and 2
 DECIMALS = 10  # of connection coefficients
 GLYPH_POINTS, HOOP_POINTS = 1024, 256
 CONTROL = (4, 8, 16, 32)  # points of Fig. 7
+FIG4_CONTROL = (8, 16, 32)  # points of the coarse rows of Fig. 4
+FIG6_FRAMES = 18
+AT_REST = 0.01  # share of a hoop's first displacement (RMS) below which it counts as at rest
+FIG2_WAVELETS = {CUBIC: "cubic B-spline", "db4": "Daubechies (db4)"}  # as the paper
 EULER = ("explicit-euler", "implicit-euler")
 FIG5_PHYSICS = {  # of Fig. 5: e0, c, rho
     "soft, light damping": PhysicalOptions(1.0, 2.0, 1.0),
@@ -67,28 +78,55 @@ def _connection_tables() -> pd.DataFrame:
 
 
 def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors.
+    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return errors and times by name.
 
-    The result also has the largest rise of the hoop's energy, which should only fall, as a share of
-    the energy in the beginning.
+    The errors are those of the solvers, and of each number of control points of Fig. 7, in radii of
+    the hoop: against the solution at all points, and against that solution without its details. The
+    result also has the largest rise of the hoop's energy, which should only fall, as
+    a share of the energy in the beginning.
     """
     hoop, massless = _bent_hoops(p)
     exact = solve_motion(hoop)
     total = total_energy(hoop, exact)
     numbers = _solver_errors(hoop, massless)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
-    # Fig. 6 shows times 0 to 1.1, Fig. 7 every second of them, drawn through few points.
-    ticks, times, rest = np.arange(0, 72, 4), hoop.times, hoop.rest
-    frames = exact.displacement + rest
-    save_figure(FIGURES / "fig6.png", figure6(frames[ticks], times[ticks], rest, "a hoop let go"))
-    ticks = ticks[::2]
-    coarse_frames = []
+    remaining = _remaining_shares(exact)
+    rest_time = float(hoop.times[np.flatnonzero(remaining > AT_REST)[-1] + 1])
+    frictionless = replace(hoop, material=replace(hoop.material, mass_damping=0.0))
+    swinging = _remaining_shares(solve_motion(frictionless))
+    numbers |= {
+        "hoop_rest_time": rest_time,
+        "hoop_frictionless_least_displacement_share": float(swinging.min()),
+    }
+    shown = replace(hoop, times=np.linspace(0, rest_time, FIG6_FRAMES))
+    frames = solve_motion(shown).displacement + hoop.rest
+    curves = {
+        "friction as in the pictures": (hoop.times, remaining),
+        "without friction, as the paper has it": (hoop.times, swinging),
+    }
+    title = f"a hoop let go; at the last time {100 * AT_REST:g} % of its displacement is left"
+    save_figure(FIGURES / "fig6.png", figure6(frames, shown.times, hoop.rest, title, curves))
+    rows, radius = [], np.linalg.norm(hoop.rest[0])
     for count in CONTROL:
-        levels = int(np.log2(HOOP_POINTS // count))  # each level of details halves the points
-        coarse_frames.append((count, drop_details(frames[ticks], p.wavelet, levels)))
-    title = "the same, of few control points"
-    save_figure(FIGURES / "fig7.png", figure7(coarse_frames, times[ticks], title))
+        level = int(np.log2(HOOP_POINTS // count))  # each level of details halves the points
+        coarse = solve_motion(shown, level=level).displacement
+        coarse += drop_details(hoop.rest, p.wavelet, level)
+        cut = drop_details(frames, p.wavelet, level)
+        error, off_cut = (
+            float(np.linalg.norm(coarse - other, axis=-1).max() / radius) for other in (frames, cut)
+        )
+        numbers[f"hoop_{count}_points_error_radii"] = error
+        numbers[f"hoop_{count}_points_solved_against_cut_radii"] = off_cut
+        rows.append((f"{count} points\n{error:.2g} radii off", coarse[::2]))
+    title = f"each solved at its own number of control points; grey: at {HOOP_POINTS}"
+    save_figure(FIGURES / "fig7.png", figure7(rows, shown.times[::2], title, frames[::2]))
     return numbers
+
+
+def _remaining_shares(motion: Trajectory) -> Floats:
+    """Return the RMS displacement (t,) of a curve at every time, as a share of the first one."""
+    rms = np.sqrt((motion.displacement**2).sum(axis=-1).mean(axis=-1))
+    return rms / rms[0]
 
 
 def _solver_errors(hoop: Problem, massless: Problem) -> dict[str, float]:
@@ -118,10 +156,11 @@ def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     shape, rest = match_curves(outline, Curve(ring, closed=True), HOOP_POINTS)
     displacement = shape - shape.mean(axis=0) - rest
-    # Mode m swings m √(e₀/ρ) times per unit of time: the oval, m = 2, once.
-    material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
+    # Without friction, mode m swings m √(e₀/ρ) times per unit of time: the oval, m = 2, once. With
+    # it, every swing falls to e^(−1.5) in that time.
+    material = Material(density=1.0, elastic=0.25, mass_damping=3.0)
     no_mass = Material(density=0.0, elastic=1.0, mass_damping=1.0, stiffness_damping=0.02)
-    hoop = Problem(rest, displacement, material, np.linspace(0, 3, 181), wavelet=p.wavelet)
+    hoop = Problem(rest, displacement, material, np.linspace(0, 4, 241), wavelet=p.wavelet)
     return hoop, replace(hoop, material=no_mass, times=np.linspace(0, 1, 61))
 
 
@@ -133,8 +172,10 @@ def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
     """
     outline = max(glyph_outlines(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
+    wavelets = FIG2_WAVELETS | {p.wavelet: FIG2_WAVELETS.get(p.wavelet, p.wavelet)}
     save_figure(
-        FIGURES / "fig2.png", figure2(letter, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
+        FIGURES / "fig2.png",
+        figure2(letter, list(wavelets.items())),
     )
     k = stiffness_matrix(p.wavelet, n=64, levels=2)
     save_figure(FIGURES / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
@@ -144,6 +185,18 @@ def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
             share = off_diagonal_share(stiffness_matrix(wavelet, n=256, levels=levels))
             numbers[f"off_diagonal_energy_{wavelet}_{levels}_levels_pct"] = 100 * share
     return numbers
+
+
+def _morphs_at_levels(p: MorphSettings, drawings: tuple[Drawing, Drawing]) -> dict[str, Morph]:
+    """Return the linear morph at the coarse levels of Fig. 4, by the names of its rows."""
+    return {
+        f"linear, {count} control points": morph_drawings(
+            *drawings, "linear", p.frames, p.contour_points,
+            Resolution(int(np.log2(p.contour_points // count)), p.wavelet),
+        )
+        for count in FIG4_CONTROL
+        if count < p.contour_points
+    }  # fmt: skip
 
 
 def _fold_table(morphs: dict[str, Morph]) -> pd.DataFrame:
@@ -173,13 +226,13 @@ def main() -> None:
     if pairing.summary:
         print(f"morph: {pairing.summary}", file=sys.stderr)
     drawings = pair_drawings(first, last, pairing)
-    scales = LinearOptions(p.linear_level, p.wavelet)
+    resolution = Resolution(p.level, p.wavelet)
     physics = PhysicalOptions(p.elasticity, p.damping, p.mass)
     with report_progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
         morphs = {}
         for method in METHODS:
             morphs[method] = morph_drawings(
-                *drawings, method, p.frames, p.contour_points, scales, physics
+                *drawings, method, p.frames, p.contour_points, resolution, physics
             )
             advance()
         film = there_and_back(morphs[p.method]) if p.back else morphs[p.method]
@@ -191,9 +244,13 @@ def main() -> None:
             coefficients = _connection_tables()
             save_csv(folder / "connection.csv", coefficients, decimals=DECIMALS, exact=True)
             save_csv(folder / "folds.csv", _fold_table(morphs), decimals=0)
-    save_picture(FIGURES / "fig4.png", draw_morphs(morphs))
+    at_level = {
+        f"{method}, {p.contour_points >> p.level} control points": morph
+        for method, morph in morphs.items()
+    }
+    save_picture(FIGURES / "fig4.png", draw_morphs(_morphs_at_levels(p, drawings) | at_level))
     physical_morphs = {
-        name: morph_drawings(*drawings, "physical", p.frames, p.contour_points, physics=physics)
+        name: morph_drawings(*drawings, "physical", p.frames, p.contour_points, resolution, physics)
         for name, physics in FIG5_PHYSICS.items()
     }
     save_picture(FIGURES / "fig5.png", draw_morphs({"linear": morphs["linear"]} | physical_morphs))

@@ -24,7 +24,12 @@ from finloop.curve.dynamics import (
     total_energy,
 )
 from finloop.curve.stiffness import stiffness_matrix
-from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
+from finloop.curve.wavelet import (
+    close_by_mirroring,
+    control_points,
+    curves_from_control,
+    drop_details,
+)
 from finloop.plots.curve import figure6, figure7
 
 TIGHT = SolverOptions(rtol=1e-8, integrator="DOP853", substeps=30)
@@ -175,15 +180,34 @@ def test_refining_the_scale_converges():
     n = 1024
     u = wobble(n)
     fine = solve_motion(problem(n=n, displacement=u)).displacement
-    errors = []
-    for level in (7, 6, 5, 4, 3):
-        few = Problem(
-            control_points(hoop(n), "coif2", level), control_points(u, "coif2", level), LIGHT, TIMES
-        )
-        coarse = curves_from_control(solve_motion(few).displacement, "coif2", level)
-        errors.append(np.abs(coarse - fine).max())
+    p = problem(n=n, displacement=u)
+    errors = [
+        np.abs(solve_motion(p, level=level).displacement - fine).max() for level in (7, 6, 5, 4, 3)
+    ]
     assert (np.diff(errors) < 0).all()
     assert errors[-1] < 1e-3 * errors[0]
+
+
+@pytest.mark.parametrize("wavelet", ["coif2", "db4"])
+@pytest.mark.parametrize("control", [4, 16])
+def test_a_level_is_solved_by_its_own_k(control, wavelet):
+    """Against the exponential of Eq. 3.15 in the φ basis of the level, with velocity and force."""
+    n, level, zeros = 64, int(np.log2(64 // control)), np.zeros((control, control))
+    force = np.array([1.0, -2]) + wobble(n, 2)
+    p = problem(velocity=wobble(n, 1), force=force, wavelet=wavelet)
+    u, v, q = (control_points(x, wavelet, level) for x in (p.displacement, p.velocity, force))
+    k = stiffness_matrix(wavelet, control, 0).toarray()
+    unit = np.eye(control)
+    system = np.block([[zeros, unit, zeros], [-k, -0.5 * unit - 0.001 * k, unit], [zeros] * 3])
+    wanted = expm(TIMES[-1] * system) @ np.concatenate([u, v, q])
+    motion = solve_motion(p, level=level)
+    for found, few in ((motion.displacement, wanted[:control]),
+                       (motion.velocity, wanted[control : 2 * control])):  # fmt: skip
+        assert np.allclose(found[-1], curves_from_control(few, wavelet, level), atol=1e-9)
+    by_steps = solve_motion(p, "runge-kutta", SolverOptions(0, 1e-8, "DOP853"), level)
+    assert np.allclose(by_steps.displacement, motion.displacement, atol=1e-5)
+    cut = drop_details(solve_motion(p).displacement, wavelet, level)
+    assert np.abs(cut - motion.displacement).max() > 1e-3  # solved is not cut
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -298,6 +322,12 @@ def test_what_makes_no_sense_is_refused(change, method, word):
         solve_motion(p, method)
 
 
+@pytest.mark.parametrize("level", [-1, 6, 7])
+def test_a_level_that_the_curve_does_not_have_is_refused(level):
+    with pytest.raises(FinloopError, match=r"levels|1 points"):
+        solve_motion(problem(), level=level)
+
+
 def test_explicit_euler_refuses_steps_that_grow_without_end_and_says_how_many_will_do():
     p = problem(Material(0, 1, 1.0, 1e-4))
     with pytest.raises(FinloopError, match="unstable") as refused:
@@ -318,5 +348,11 @@ def test_figures_6_and_7_draw_the_hoop():
     x, y = figure.axes[5].lines[1].get_data()
     assert np.allclose(np.stack([x, y], axis=1)[:-1], frames[5])
     assert figure.axes[0].yaxis_inverted()
-    figure = figure7([(4, frames[:3]), (8, frames[3:6])], TIMES[:3], "hoop")
+    shares = {"all": (TIMES, np.linspace(1, 0, len(TIMES)))}
+    figure = figure6(frames, TIMES, hoop(n), "hoop", shares)
+    assert np.allclose(figure.axes[12].lines[0].get_ydata(), np.linspace(1, 0, len(TIMES)))
+    rows = [("4 points", frames[:3]), ("8 points", frames[3:6])]
+    figure = figure7(rows, TIMES[:3], "hoop", frames[:3])
     assert len(figure.axes) == 6
+    behind, before = (line.get_xydata()[:-1] for line in figure.axes[4].lines)
+    assert np.allclose(behind, frames[1]) and np.allclose(before, frames[4])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from finloop.base.errors import FinloopError
+from finloop.gait.coarse import few_point_contours
 from finloop.gait.model import (
     Descriptor,
     Gait,
@@ -113,6 +114,17 @@ def test_few_control_points_make_smoother_contours_and_all_change_nothing():
     np.testing.assert_allclose(few.mean(axis=1), full.mean(axis=1), atol=1e-12)
     open_ones = cycle(control=4, closed={"body": False})["body"]
     assert np.abs(open_ones[:, 0] - open_ones[:, -1]).max() > 0.1  # its ends do not meet
+
+
+@pytest.mark.parametrize("gait", [WALK, SWIM])
+def test_few_control_points_alone_move_as_among_all(gait):
+    """Fig. 14 solved at its own number of points: every coefficient has a clock of its own."""
+    phases = np.arange(12) / 12
+    for control in (4, 8, 32):
+        alone = few_point_contours(ONE, TWO, gait, phases, HalfCycleLayout(), control)
+        among = contours_at_phases(ONE, TWO, gait, phases, control=control)
+        for name in ONE:
+            np.testing.assert_allclose(alone[name], among[name], atol=1e-12)
 
 
 def test_subcycles():

@@ -46,7 +46,7 @@ def test_the_command_from_end_to_end(tmp_path):
     """As a person would: another process, in another folder, two cycles in a row."""
     command = [sys.executable, "-m", "finloop.gait", *DOG, "--gait", "dog_walk", "-o", "out.json"]
     done = subprocess.run(
-        [*command, *SMALL, "--cycles", "2", "--control", "4"],
+        [*command, *SMALL, "--cycles", "2", "--level", "3", "--wavelet", "db4"],
         cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=120,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
@@ -55,6 +55,18 @@ def test_the_command_from_end_to_end(tmp_path):
     assert frames[:4] == frames[4:]
     assert {len(points) for points in frames[0]["layers"].values()} == {32}
     assert list(frames[0]["layers"]) == list(load_svg(Path(DOG[0])).curves)
+
+
+def test_level_and_wavelet_reach_the_drawing(tmp_path):
+    """Without a level, and with one γ a limb, all points move alike by any wavelet."""
+    out, made = tmp_path / "out.json", {}
+    for level in ("0", "3"):
+        for wavelet in ("coif2", "db4"):
+            given = ["--level", level, "--wavelet", wavelet, "-o", str(out), *SMALL]
+            assert main([*DOG, "--gait", "dog_walk", *given]) == 0
+            made[level, wavelet] = out.read_bytes()
+    assert made["0", "coif2"] == made["0", "db4"]
+    assert len(set(made.values())) == 3
 
 
 def test_an_animated_picture_goes_on_from_its_last_frame_to_its_first(tmp_path):
@@ -129,7 +141,9 @@ def test_tempo(hz, frames, rate, wanted):
         (leg("a"), leg("a"), ["--points", "4"], "4 points"),
         (leg("a"), leg("a"), ["--cycles", "0"], "0 cycles"),
         (leg("a"), leg("a"), ["--cycles", "9999"], "9999 cycles"),
-        (leg("a"), leg("a"), ["--control", "5"], "5 control points"),
+        (leg("a"), leg("a"), ["--level", "4"], "0 to 3: a contour needs 4 control points"),
+        (leg("a"), leg("a"), ["--level", "-1"], "level -1"),
+        (leg("a"), leg("a"), ["--wavelet", "db99"], "the wavelet 'db99'"),
         (leg("a"), leg("a"), ["--rate", "2000"], "2000 frames per second"),
     ],
 )  # fmt: skip

@@ -19,12 +19,12 @@ from finloop.io.svg import load_svg
 from finloop.morph.folds import count_polygon_folds
 from finloop.morph.layers import (
     METHODS,
-    LinearOptions,
     PhysicalOptions,
     fit_drawing,
     morph_drawings,
     there_and_back,
 )
+from finloop.morph.match import Resolution
 from finloop.morph.tool import main
 
 ROOT = Path(__file__).parents[1]
@@ -96,13 +96,31 @@ def test_frames_lie_on_the_grid_that_is_told():
     ("method", "one", "other"),
     [
         ("physical", *({"physics": PhysicalOptions(elastic=share)} for share in (8.0, 0.5))),
-        ("linear", {"scales": LinearOptions(3, "coif2")}, {"scales": LinearOptions(3, "db4")}),
-        ("linear", {"scales": LinearOptions(None)}, {"scales": LinearOptions(3)}),
+        *(
+            (method, {"resolution": Resolution(0)}, {"resolution": Resolution(3)})
+            for method in METHODS
+        ),
+        *(
+            (method, {"resolution": Resolution(3, "coif2")}, {"resolution": Resolution(3, "db4")})
+            for method in METHODS
+        ),
     ],
 )
 def test_settings_reach_their_method(method, one, other):
     first, second = (morph_drawings(A, B, method, 5, 64, **given) for given in (one, other))
-    assert np.abs(first.layers["box"] - second.layers["box"]).max() > 0.01
+    for name in first.layers:
+        assert np.abs(first.layers[name] - second.layers[name]).max() > 0.01
+
+
+def test_without_a_level_the_wavelet_reaches_what_has_a_stiffness():
+    """Blending all coefficients is blending the points, whatever the wavelet; K is each its own."""
+    for method, reaches in (("linear", False), ("physical", True), ("fold_free", False)):
+        frames = [
+            morph_drawings(A, B, method, 5, 64, Resolution(0, wavelet)).layers["box"]
+            for wavelet in ("coif2", "db4", "db10")
+        ]
+        assert all(np.array_equal(frames[0], other) != reaches for other in frames[1:])
+        assert np.array_equal(frames[1], frames[2]) != reaches
 
 
 def test_what_is_counted_is_what_is_shown():

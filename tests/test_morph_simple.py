@@ -13,8 +13,8 @@ from finloop.curve.contour import signed_area as area_of
 from finloop.curve.glyph import glyph_outlines
 from finloop.curve.wavelet import drop_details
 from finloop.morph.folds import ContourLayout, count_polygon_folds, is_simple, stays_simple
-from finloop.morph.layers import linear_morph, physical_morph
-from finloop.morph.match import match_curves, misfit_by_start
+from finloop.morph.layers import PhysicalOptions, linear_morph, physical_morph
+from finloop.morph.match import Resolution, match_curves, misfit_by_start
 from finloop.morph.simple import (
     cut_ears,
     join_simplified_poses,
@@ -34,7 +34,7 @@ GLYPHS = {
 METHODS = (
     linear_morph,
     morph_without_folds,
-    lambda a, b, f, n: physical_morph(a, b, f, n, 1.0, 8.0, 1.0),
+    physical_morph,
 )
 
 
@@ -149,12 +149,17 @@ def test_eq_4_1():
     one, two = match_curves(a, b, 256)
     tau = np.linspace(0, 1, 7)[:, None, None]
     np.testing.assert_allclose(linear_morph(a, b, 7, 256), (1 - tau) * one + tau * two, atol=1e-9)
-    np.testing.assert_allclose(linear_morph(a, b, 7, 256, 0), linear_morph(a, b, 7, 256), atol=1e-9)
     for source, target in ((a, b), (winding(1), winding(1.2))):
         ends = drop_details(np.stack(match_curves(source, target, 256)), "db4", 4, source.closed)
-        coarse = linear_morph(source, target, 7, 256, 4, "db4")
+        coarse = linear_morph(source, target, 7, 256, Resolution(4, "db4"))
         np.testing.assert_allclose(coarse, (1 - tau) * ends[0] + tau * ends[1], atol=1e-9)
         assert abs(coarse - linear_morph(source, target, 7, 256)).max() > 1e-3 * np.ptp(ends)
+        for method in METHODS:
+            frames = method(source, target, 9, 256, resolution=Resolution(4, "db4"))
+            np.testing.assert_allclose(frames[[0, -1]], ends, atol=1e-9 * np.ptp(ends))
+            if method is physical_morph and source.closed:  # every frame is as coarse
+                few = drop_details(frames, "db4", 4)
+                np.testing.assert_allclose(few, frames, atol=1e-9 * np.ptp(ends))
 
 
 def test_physics():
@@ -164,7 +169,7 @@ def test_physics():
     a, b = Curve(1.5 * ring + [9, 0], True), Curve(ring, True)
 
     def radius(elastic, damping, mass):
-        frames = physical_morph(a, b, 101, 64, elastic, damping, mass)
+        frames = physical_morph(a, b, 101, 64, PhysicalOptions(elastic, damping, mass))
         size = abs(centre(frames)[:, 0] @ [1, 1j])
         np.testing.assert_allclose(frames.mean(axis=1)[:, 0] / 9, 2 * size - 2, atol=1e-6)
         return size

@@ -47,6 +47,10 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
     assert numbers["hoop_error_runge_kutta"] < 1e-4
     assert numbers["hoop_error_decoupled"] > 0.37  # dropping off-diagonals is no small error
     assert numbers["hoop_largest_rise_of_energy_share"] <= 1e-9
+    assert 1 < numbers["hoop_rest_time"] < 4
+    assert 0.45 < numbers["hoop_frictionless_least_displacement_share"] < 0.55  # it never rests
+    errors = [numbers[f"hoop_{count}_points_error_radii"] for count in (4, 8, 16, 32)]
+    assert errors == sorted(errors, reverse=True) and errors[-1] < 0.02
     prepare(folder, *SMALL)
     stages.morph.main()
     again = content(folder / "data/morph") | content(folder / "reports/morph")
@@ -76,6 +80,7 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [("morph.contour_points=100", "power of two"), ("morph.wavelet=db2", "H"),
+     ("morph.level=9", "fewer than 4 control points"),
      ("morph.pairs=none.yaml", "none.yaml")],
 )  # fmt: skip
 @pytest.mark.usefixtures("no_drawing")

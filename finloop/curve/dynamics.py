@@ -7,6 +7,9 @@ s₁ *mass_damping*, s₂ *stiffness_damping*; Q a constant force per length, su
 the method "modal", the reference for the errors of all other methods. The parameter of a curve runs
 from 0 to 1, so with e₀ = ρ = 1 mode m swings m times in a unit of time, at any n.
 
+With a level the n / 2^level coarse coefficients alone are solved, with M, C and K of that level
+(Fig. 7): a coarse curve costs less, and swings a little slower or faster than the fine one.
+
 An open curve moves as one half of the closed curve that `curve.wavelet.close_by_mirroring` makes.
 K preserves that symmetry, and the ends are free.
 """
@@ -27,7 +30,12 @@ from scipy.sparse.linalg import splu
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.stiffness import stiffness_eigenvalues, stiffness_matrix
-from finloop.curve.wavelet import inverse_transform, wavelet_transform
+from finloop.curve.wavelet import (
+    control_points,
+    curves_from_control,
+    inverse_transform,
+    wavelet_transform,
+)
 
 METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
 SCHULZ_ITERATIONS = 100
@@ -98,8 +106,8 @@ class SolverOptions:
 class Trajectory:
     """Motion of a curve: displacements from rest and velocities, each (t, n, d), and their error.
 
-    `error` is the largest deviation from the exact displacement, relative to the largest exact
-    displacement.
+    `error` is the largest deviation of the displacement from the exact one of the same level,
+    relative to the largest exact displacement.
     """
 
     times: Floats
@@ -109,18 +117,24 @@ class Trajectory:
 
 
 def solve_motion(
-    problem: Problem, method: str = "modal", options: SolverOptions | None = None
+    problem: Problem, method: str = "modal", options: SolverOptions | None = None, level: int = 0
 ) -> Trajectory:
     """Return the motion of a curve that is bent and released: M q̈ + C q̇ + K q = Q (Eq. 3.3).
 
     q is the displacement from rest, Q the force; M, C, K are mass, damping and stiffness. method:
     "modal" is exact. "runge-kutta" has adaptive steps (Eq. 3.15). "explicit-euler" and
     "implicit-euler" need density 0. "decoupled" uses the diagonal of K alone, in the wavelet basis
-    (Eq. 3.16). FinloopError if the problem or the method's settings are invalid; the message names
-    them.
+    (Eq. 3.16). level: only n / 2^level control points of the displacement are solved, with M, C, K
+    and Q of that level; the result is the curve of n points that they make, without details.
+    FinloopError if the problem or the method's settings are invalid; the message names them.
     """
     options = options or SolverOptions()
     problem = _convert_problem(problem, method)
+    if level:
+        coarse = solve_motion(_coarsen_problem(problem, level), method, options)
+        shapes = np.stack([coarse.displacement, coarse.velocity])
+        displacement, velocity = curves_from_control(shapes, problem.wavelet, level)
+        return replace(coarse, displacement=displacement, velocity=velocity)
     exact = _solve_modal(problem)
     if method == "modal":
         return exact
@@ -133,6 +147,16 @@ def solve_motion(
     deviation = float(np.abs(motion.displacement - exact.displacement).max())
     largest = float(np.abs(exact.displacement).max())
     return replace(motion, error=deviation / (largest or 1.0))
+
+
+def _coarsen_problem(problem: Problem, level: int) -> Problem:
+    """Return a problem of the n / 2^level control points of a curve: c of Eq. 3.6 without d."""
+    rest, u, v, q = (
+        control_points(points, problem.wavelet, level)
+        for points in (problem.rest, *problem.state_at_start(), problem.force_on_points())
+    )
+    force = None if problem.force is None else q
+    return replace(problem, rest=rest, displacement=u, velocity=v, force=force)
 
 
 def _convert_problem(problem: Problem, method: str) -> Problem:

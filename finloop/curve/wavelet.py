@@ -158,8 +158,8 @@ def control_points(points: Floats, wavelet: str, level: int) -> Floats:
     They are the approximation coefficients of Eq. 2.11, divided by √2 for each level, as the
     filters multiply a constant by that.
     """
-    coarse = points.shape[-2] >> level
-    return wavelet_transform(points, wavelet, level)[..., :coarse, :] / 2 ** (level / 2)
+    coefficients = wavelet_transform(points, wavelet, level)
+    return coefficients[..., : points.shape[-2] >> level, :] / 2 ** (level / 2)
 
 
 def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:

@@ -17,6 +17,8 @@ class GaitSettings:
     regions_rate_hz: Positive | None
     contour_points: Annotated[int, Field(ge=64, le=1024)]
     gamma_per_scale: bool
+    level: Annotated[int, Field(ge=0, le=8)]
+    wavelet: str
     walker_drawings: tuple[str, str]
     swimmer_drawings: tuple[str, str]
     swimmer_gait: str | None
@@ -29,7 +31,6 @@ class GaitSettings:
     seed: ClassVar[int] = 1  # of that noise
     # phase of key 2: subcycle A ends there, C half a cycle later; even quarters, as Figs. 8-10
     split: ClassVar[float] = 0.25
-    wavelet: ClassVar[str] = "coif2"  # of the descriptor; one γ for all scales is alike for any
     coarse: ClassVar[int] = 4  # coefficients of the coarsest scale, a power of two: the rough shape
     # frames/s of a drawing in motion, about: whole frames make up a cycle
     frame_rate_hz: ClassVar[float] = 40.0
@@ -48,5 +49,7 @@ class GaitSettings:
         """Raise ValueError unless points are a power of two, and regions have a folder and rate."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")
+        if self.contour_points >> self.level < 4:
+            raise ValueError("level leaves a contour fewer than 4 control points")
         if self.limbs == "regions" and (self.regions is None or self.regions_rate_hz is None):
             raise ValueError("limbs=regions needs regions, a folder, and regions_rate_hz")

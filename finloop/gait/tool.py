@@ -5,6 +5,7 @@ a pair. The file name's ending selects the format: .svg, .webp, .mp4, .json, .lo
 """
 
 import argparse
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.record import load_json
 from finloop.io.svg import load_svg
 from finloop.morph.layers import MOST_FRAMES
+from finloop.morph.match import Resolution
 
 SHIPPED = shipped_folder() / "data/gaits"
 RATE = Fraction(30)
@@ -44,8 +46,12 @@ def _write_cycle(options: argparse.Namespace) -> str:
             f"at least 1 cycle, at most {MOST_FRAMES} frames in all",
             "set fewer cycles or frames; SVG and Lottie repeat by themselves",
         )
+    wavelet = options.wavelet or gait.wavelet
+    Resolution(options.level, wavelet).check(options.points)
+    control = options.points >> options.level if options.level else None
+    gait = replace(gait, wavelet=wavelet)
     poses = load_svg(options.key1), load_svg(options.key2)
-    result = animate_drawing(*poses, gait, frames, options.points, options.control)
+    result = animate_drawing(*poses, gait, frames, options.points, control)
     save_animation(options.output, repeat_cycle(result.morph, options.cycles), rate, options.size)
     return _summarise_transfer(result, gait, float(frames / rate))
 
@@ -157,6 +163,16 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--cycles", type=int, default=1, help="number of cycles (default 1)")
     parser.add_argument("--points", type=int, default=128, help="per contour (default 128)")
-    parser.add_argument("--control", type=int, help="control points: 4, 16, 64 … (default all)")
+    parser.add_argument(
+        "--level",
+        type=int,
+        default=0,
+        help="round contours off: keep 1/2^LEVEL of their points as control points (default 0)",
+    )
+    parser.add_argument(
+        "--wavelet",
+        help="of these control points, and of scales with a γ each: db4, sym8 … (default: the"
+        " gait's)",
+    )
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     return parser

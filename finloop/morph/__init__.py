@@ -9,5 +9,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "folds": ["is_simple", "stays_simple"],
     "layers": ["Morph", "PhysicalOptions", "morph_drawings", "there_and_back"],
-    "match": ["match_curves"],
+    "match": ["Resolution", "match_curves"],
 })  # fmt: skip

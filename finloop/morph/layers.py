@@ -18,7 +18,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
 from finloop.curve.contour import Curve
 from finloop.curve.dynamics import Material, Problem, solve_motion
-from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
+from finloop.curve.wavelet import close_by_mirroring
 from finloop.morph.folds import (
     ContourLayout,
     contours_stay_simple,
@@ -26,7 +26,7 @@ from finloop.morph.folds import (
     count_polygon_folds,
     stays_simple,
 )
-from finloop.morph.match import match_curves
+from finloop.morph.match import FULL, Resolution, match_curves
 from finloop.morph.simple import morph_regions_without_folds, morph_without_folds
 
 METHODS = ("linear", "physical", "fold_free")
@@ -35,16 +35,6 @@ REACH = 1000  # sides of the picture: the largest coordinate of a contour
 MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
 FADE = 0.25
 """Final share of the time of a physical morph, in which the motion fades out: it ends at b."""
-
-
-class LinearOptions(NamedTuple):
-    """Settings of the linear morph: how many scales of details it omits, and their wavelet.
-
-    level: None omits none, and needs no wavelet.
-    """
-
-    level: int | None = None
-    wavelet: str = "coif2"
 
 
 class PhysicalOptions(NamedTuple):
@@ -64,17 +54,17 @@ def morph_drawings(
     method: str,
     frames: int,
     points: int = 256,
-    scales: LinearOptions = LinearOptions(),  # noqa: B008  (immutable)
+    resolution: Resolution = FULL,
     physics: PhysicalOptions = PhysicalOptions(),  # noqa: B008  (immutable)
 ) -> Morph:
     """Return the morph of drawing `a` into drawing `b`, which is fitted into the picture of `a`.
 
     a, b: with the same ids, each contour closed in both or open in both. method: one of METHODS;
     `fold_free` keeps every contour free of folds. frames: their number, at least 2, both ends
-    included. points: of every contour, at least 8; a power of two for `physical`, and for `linear`
-    with a level. scales, physics: settings of the linear and the physical morph. FinloopError if
-    the drawings do not match, a number is out of range, or the method cannot morph a contour, which
-    the message names.
+    included. points: of every contour, at least 8; a power of two for `physical`, and with a level.
+    resolution: of every contour, also in both ends. physics: settings of the physical morph.
+    FinloopError if the drawings do not match, a number is out of range, or the method cannot morph
+    a contour, which the message names.
     """
     if method not in METHODS:
         raise FinloopError(
@@ -87,9 +77,9 @@ def morph_drawings(
     b = fit_drawing(b, a.width, a.height)
     side = max(a.width, a.height)
     morph_pair: dict[str, Callable[[Curve, Curve], Points]] = {
-        "linear": lambda a, b: linear_morph(a, b, frames, points, *scales),
-        "physical": lambda a, b: physical_morph(a, b, frames, points, *physics),
-        "fold_free": lambda a, b: morph_without_folds(a, b, frames, points),
+        "linear": lambda a, b: linear_morph(a, b, frames, points, resolution),
+        "physical": lambda a, b: physical_morph(a, b, frames, points, physics, resolution),
+        "fold_free": lambda a, b: morph_without_folds(a, b, frames, points, resolution),
     }
     layers: dict[str, Points] = {}
     for name, curve in a.curves.items():
@@ -100,7 +90,7 @@ def morph_drawings(
             names_a, names_b = regions[shape]
             stacks = _morph_region(
                 shape, [a.curves[own] for own in names_a], [b.curves[own] for own in names_b],
-                side, frames, points,
+                side, frames, points, resolution,
             )  # fmt: skip
             layers |= {
                 f"{shape}{PART}{number}" if number > 1 else shape: stack
@@ -214,15 +204,16 @@ def _without(drawing: Drawing, names: Collection[str]) -> Drawing:
 
 
 def _morph_region(
-    shape: str, a: Sequence[Curve], b: Sequence[Curve], side: float, frames: int, points: int
-) -> list[Points]:
+    shape: str, a: Sequence[Curve], b: Sequence[Curve], side: float, frames: int, points: int,
+    resolution: Resolution,
+) -> list[Points]:  # fmt: skip
     """Return the frames (frames, points, 2) of each contour of a shape.
 
     shape: its id, for error messages; side: longer side of the picture. FinloopError as of
     `morph_regions_without_folds`, or if a contour leaves the picture far behind.
     """
     try:
-        stacks = morph_regions_without_folds(a, b, frames, points)
+        stacks = morph_regions_without_folds(a, b, frames, points, resolution)
     except FinloopError as error:
         raise FinloopError(f"shape {shape!r}: {error.came}", error.wanted, error.do) from error
     for stack in stacks:
@@ -257,38 +248,39 @@ def _morph_contour(
 
 
 def linear_morph(
-    a: Curve, b: Curve, frames: int, points: int, level: int | None = None, wavelet: str = "coif2"
+    a: Curve, b: Curve, frames: int, points: int, resolution: Resolution = FULL
 ) -> Points:
     """Return the frames (frames, points, 2) of the linear morph from curve a to b (Eq. 4.1).
 
-    A(τ) = (1 − τ) Aˢ + τ Aᵈ, where Aˢ and Aᵈ are `points` points of a and of b. With a level they
-    are points / 2^level wavelet control points of a and of b: every frame is then without finer
-    details, also at both ends, and `points` is a power of two. FinloopError if one curve is open
-    and the other closed, or, with a level, the points cannot be halved so often or the wavelet is
-    longer than the curve.
+    A(τ) = (1 − τ) Aˢ + τ Aᵈ, where Aˢ and Aᵈ are the control points of a and of b at a resolution.
+    The inverse transform is linear, so the curves that they make are blended in their place: the
+    same frames, without a transform for each. FinloopError as `match_curves`.
     """
-    ends = np.stack(match_curves(a, b, points))
+    first, second = match_curves(a, b, points, resolution)
     tau = np.linspace(0, 1, frames)[:, None, None]
-    if level is None:
-        return (1 - tau) * ends[0] + tau * ends[1]
-    coarse = control_points(ends if a.closed else close_by_mirroring(ends), wavelet, level)
-    return curves_from_control((1 - tau) * coarse[0] + tau * coarse[1], wavelet, level)[:, :points]
+    return (1 - tau) * first + tau * second
 
 
 def physical_morph(
-    a: Curve, b: Curve, frames: int, points: int, elastic: float, damping: float, mass: float
+    a: Curve,
+    b: Curve,
+    frames: int,
+    points: int,
+    physics: PhysicalOptions = PhysicalOptions(),  # noqa: B008  (immutable)
+    resolution: Resolution = FULL,
 ) -> Points:
     """Return the motion (frames, points, 2) of curve b, bent into the shape of a and released.
 
-    The last frame is b. The motion is ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1, ρ = mass, c =
-    damping, K of e₀ = elastic. Mode m of a closed curve swings m √(e₀/ρ) times, of an open curve
-    half as often. With little damping the curve overshoots, with much it creeps, without mass it
-    does not swing.
+    The last frame is b. The motion is ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1; ρ, c and e₀ are
+    those of `physics`. With a level, only its control points are solved. Mode m of a closed curve
+    swings m √(e₀/ρ) times, of an open curve half as often. With little damping the curve
+    overshoots, with much it creeps, without mass it does not swing.
 
     No stiffness holds the mean of the points, so it is moved as the slowest mode moves.
-    FinloopError if one curve is open and the other closed, `points` is no power of two, or mass and
-    damping are both 0.
+    FinloopError if one curve is open and the other closed, `points` is no power of two, the
+    resolution does not exist for them, or mass and damping are both 0.
     """
+    elastic, damping, mass = physics
     shape, rest = match_curves(a, b, points)
     offset = shape - rest
     mean_offset = offset.mean(axis=0)
@@ -300,12 +292,13 @@ def physical_morph(
     times = np.linspace(0, 1, frames)
     start = np.column_stack([bend, slowest])  # x, y, and a third coordinate for the mean's motion
     at_rest = np.zeros_like(start)
-    problem = Problem(rest=at_rest, displacement=start, material=material, times=times)
-    motion = solve_motion(problem).displacement
-    mean_factor = motion[:, 0, 2] / slowest[0]  # how much is left of the slowest mode
+    problem = Problem(at_rest, start, material, times, wavelet=resolution.wavelet)
+    motion = solve_motion(problem, level=resolution.level).displacement
+    mean_factor = motion[:, 0, 2] / motion[0, 0, 2]  # how much is left of the slowest mode
     displacement = motion[:, :points, :2] + mean_factor[:, None, None] * mean_offset
     # From 1 to 0 in the last part of the time, with slope 0 at both ends (smoothstep).
     fade = np.clip((1 - times) / FADE, 0, 1)
+    rest = resolution.reduce_curves(rest, a.closed)
     return rest + (fade**2 * (3 - 2 * fade))[:, None, None] * displacement
 
 

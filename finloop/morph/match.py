@@ -6,20 +6,65 @@ closed, 1 if open), in both directions unless both curves are closed and simple.
 centred on their mean, so their position does not matter.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve, signed_area
+from finloop.curve.wavelet import drop_details, find_wavelet
 from finloop.morph.folds import is_simple
 
+LEAST_CONTROL = 4
+"""Fewest control points of a contour: fewer make a point or a line of it."""
 
-def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
+
+class Resolution(NamedTuple):
+    """How coarse contours are: each is rebuilt from 1/2^level of its points (Eq. 2.11, Fig. 2).
+
+    At level 0 contours keep all their points. wavelet: of the control points, and of the stiffness.
+    """
+
+    level: int = 0
+    wavelet: str = "coif2"
+
+    def reduce_curves(self, points: Floats, closed: bool) -> Floats:
+        """Return curves (…, n, 2) at this resolution; FinloopError if n points have no such one."""
+        self.check(points.shape[-2])
+        return drop_details(points, self.wavelet, self.level, closed) if self.level else points
+
+    def check(self, points: int) -> None:
+        """Raise FinloopError if there is no such wavelet, or no such level of so many points."""
+        find_wavelet(self.wavelet)
+        if self.level and (self.level < 0 or points >> self.level < LEAST_CONTROL):
+            most = max(0, (points // LEAST_CONTROL).bit_length() - 1)
+            raise FinloopError(
+                f"level {self.level} of contours of {points} points",
+                f"0 to {most}: a contour needs {LEAST_CONTROL} control points",
+                "set a lower level, or more points",
+            )
+
+
+FULL = Resolution()
+"""All points of a contour."""
+
+
+def match_curves(
+    a: Curve, b: Curve, n: int, resolution: Resolution = FULL
+) -> tuple[Floats, Floats]:
     """Return two curves as n points at equal distances, (n, 2) each; rows correspond.
 
     The order of a is kept. b is renumbered, and perhaps reversed, so that the points lie nearest to
-    those of a. FinloopError if one is closed and the other open.
+    those of a. Then both lose the details that `resolution` leaves out. FinloopError if one curve
+    is closed and the other open, or the resolution does not exist for n points.
     """
+    first, second = resolution.reduce_curves(np.stack(_number_points_alike(a, b, n)), a.closed)
+    return first, second
+
+
+def _number_points_alike(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
+    """Return two curves as n points at equal distances, (n, 2) each, those of b renumbered."""
     if a.closed != b.closed:
         kinds = ["closed" if curve.closed else "open" for curve in (a, b)]
         raise FinloopError(

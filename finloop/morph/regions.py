@@ -14,7 +14,7 @@ import skimage.measure
 from finloop.base.arrays import Floats, Points
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve, signed_area
-from finloop.morph.match import match_curves
+from finloop.morph.match import FULL, Resolution, match_curves
 
 SMALL = 1e-3
 """Area, as a share of that within the outer contour, to which holes shrink: they have room there
@@ -80,14 +80,16 @@ def pair_regions(a: Sequence[Curve], b: Sequence[Curve]) -> list[tuple[Region, R
     return [(first[row], second[column]) for row, column in _nearest_pairs(*places)]
 
 
-def match_regions(a: Region, b: Region, points: int) -> tuple[list[Points], list[Points]]:
+def match_regions(
+    a: Region, b: Region, points: int, resolution: Resolution = FULL
+) -> tuple[list[Points], list[Points]]:
     """Return the contours of two regions, outer ones first, as corresponding points (points, 2).
 
     Holes are paired by their places in the outer contours' boxes, so that the sum of distances is
     least. A hole without a partner gets one as small as a point, at that place of the other region
     or as near to it as there is room.
     """
-    outer_a, outer_b = match_curves(a.outer, b.outer, points)
+    outer_a, outer_b = match_curves(a.outer, b.outer, points, resolution)
     contours_a, contours_b = [outer_a], [outer_b]
     places_a, places_b = (
         np.array([_place_in_box(hole.points.mean(axis=0), outer) for hole in holes]).reshape(-1, 2)
@@ -95,14 +97,16 @@ def match_regions(a: Region, b: Region, points: int) -> tuple[list[Points], list
     )
     pairs = _nearest_pairs(places_a, places_b)
     for row, column in pairs:
-        points_a, points_b = match_curves(a.holes[row], b.holes[column], points)
+        points_a, points_b = match_curves(a.holes[row], b.holes[column], points, resolution)
         contours_a.append(points_a)
         contours_b.append(points_b)
     for row in set(range(len(a.holes))) - {row for row, _ in pairs}:
-        contours_a.append(resample_curve(a.holes[row], points).points)
+        hole = resample_curve(a.holes[row], points).points
+        contours_a.append(resolution.reduce_curves(hole, closed=True))
         contours_b.append(_new_hole(contours_a[-1], places_a[row], contours_b))
     for column in set(range(len(b.holes))) - {column for _, column in pairs}:
-        contours_b.append(resample_curve(b.holes[column], points).points)
+        hole = resample_curve(b.holes[column], points).points
+        contours_b.append(resolution.reduce_curves(hole, closed=True))
         contours_a.append(_new_hole(contours_b[-1], places_b[column], contours_a))
     return contours_a, contours_b
 

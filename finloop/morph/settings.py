@@ -18,7 +18,7 @@ class MorphSettings:
     method: Literal["linear", "physical", "fold_free"]  # Eq. 4.1 | Fig. 5 | never folds
     frames: Annotated[int, Field(ge=2, le=10_000)]
     contour_points: Annotated[int, Field(ge=16, le=4096)]
-    linear_level: Annotated[int, Field(ge=0)] | None
+    level: Annotated[int, Field(ge=0, le=10)]
     elasticity: NotNegative
     damping: NotNegative
     wavelet: str
@@ -34,7 +34,7 @@ class MorphSettings:
         "a": "first_drawing",
         "b": "last_drawing",
         "points": "contour_points",
-        "level": "linear_level",
+        "linear_level": "level",
         "elastic": "elasticity",
     }
 
@@ -42,3 +42,5 @@ class MorphSettings:
         """Raise ValueError for a number of points that the wavelet transform cannot halve."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")
+        if self.contour_points >> self.level < 4:
+            raise ValueError("level leaves a contour fewer than 4 control points")

@@ -38,7 +38,7 @@ from finloop.morph.folds import (
     count_folds_unchecked,
     stays_simple_unchecked,
 )
-from finloop.morph.match import match_curves, misfit_by_start
+from finloop.morph.match import FULL, Resolution, match_curves, misfit_by_start
 from finloop.morph.regions import SMALL, match_regions, move_holes_inside, pair_regions
 
 GROWTH = 1.3  # factor of the time step, from one pose to the next
@@ -55,18 +55,24 @@ REACH = 10  # edges: width of the mean along a curve
 NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between two frames
 
 
-def morph_without_folds(a: Curve, b: Curve, frames: int, points: int) -> Points:
+def morph_without_folds(
+    a: Curve, b: Curve, frames: int, points: int, resolution: Resolution = FULL
+) -> Points:
     """Return the frames (frames, points, 2) of a morph of curve a into b; none meets itself.
 
-    The ends are a and b, resampled. FinloopError if one curve is open and the other closed, if a
-    curve, resampled, meets itself, or if its parts are too near each other.
+    The ends are a and b, resampled, at a resolution. FinloopError if one curve is open and the
+    other closed, if a curve, resampled, meets itself, or if its parts are too near each other.
     """
     layout = ContourLayout((points,), a.closed)
-    return _morph_contours(*match_curves(a, b, points), layout, frames)
+    return _morph_contours(*match_curves(a, b, points, resolution), layout, frames)
 
 
 def morph_regions_without_folds(
-    a: Sequence[Curve], b: Sequence[Curve], frames: int, points: int
+    a: Sequence[Curve],
+    b: Sequence[Curve],
+    frames: int,
+    points: int,
+    resolution: Resolution = FULL,
 ) -> list[Points]:
     """Return the frames (frames, points, 2) of each contour of a shape that turns into another.
 
@@ -77,7 +83,7 @@ def morph_regions_without_folds(
     """
     stacks: list[Points] = []
     for first, second in pair_regions(a, b):
-        contours_a, contours_b = match_regions(first, second, points)
+        contours_a, contours_b = match_regions(first, second, points, resolution)
         layout = ContourLayout((points,) * len(contours_a))
         stack = _morph_contours(
             np.concatenate(contours_a), np.concatenate(contours_b), layout, frames

@@ -14,12 +14,12 @@ from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.svg import load_svg
 from finloop.morph.layers import (
     METHODS,
-    LinearOptions,
     PhysicalOptions,
     fit_drawing,
     morph_drawings,
     there_and_back,
 )
+from finloop.morph.match import FULL, Resolution
 from finloop.morph.pairs import FORM, load_pairing, pair_drawings, pair_shapes
 
 
@@ -43,7 +43,7 @@ def _write_morph(options: argparse.Namespace) -> str:
         options.method,
         options.frames,
         options.points,
-        scales=LinearOptions(options.level),
+        resolution=Resolution(options.level, options.wavelet),
         physics=PhysicalOptions(options.elastic, options.damping, options.mass),
     )
     shown = there_and_back(result) if options.back else result
@@ -83,7 +83,18 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     parser.add_argument("--points", type=int, default=256, help="per contour (default 256)")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     parser.add_argument("--back", action="store_true", help="append the morph in reverse")
-    parser.add_argument("--level", type=int, help="linear: scales omitted (default none)")
+    parser.add_argument(
+        "--level",
+        type=int,
+        default=0,
+        help="round contours off: keep 1/2^LEVEL of their points as control points (default 0)",
+    )
+    parser.add_argument(
+        "--wavelet",
+        default=FULL.wavelet,
+        help="of these control points, and of the physical stiffness: db4, sym8 … (default"
+        " %(default)s)",
+    )
     usual = PhysicalOptions()
     parser.add_argument("--elastic", type=float, default=usual.elastic, help="physical: stiffness")
     parser.add_argument("--damping", type=float, default=usual.damping, help="physical: damping")

@@ -1,6 +1,6 @@
 """Figs. 2, 3, 6 and 7 of the curve paper."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ from finloop.curve.contour import Curve
 from finloop.curve.wavelet import drop_details, scale_slices
 
 LEVELS = (0, 3, 4, 5, 6)  # the paper leaves out 1 and 2, which look like the curve
-INK, REST = "#0072B2", "#B0B0B0"
+INK, REST, OTHER = "#0072B2", "#B0B0B0", "#D55E00"
 COLUMNS = 6  # pictures in a row of Fig. 6
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ def _draw_curve(
 ) -> None:
     """Draw a line through points (n, 2); a closed curve returns to its first point."""
     x, y = (np.concatenate([points, points[:1]]) if closed else points).T
-    ax.plot(x, y, color=colour, lw=width)
+    ax.plot(x, y, color=colour, lw=width, solid_capstyle="round")
 
 
 def _fit_axes(ax: Axes, points: Array) -> None:
@@ -88,41 +88,63 @@ def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
     return figure
 
 
-def figure6(frames: Array, times: Array, rest: Array, title: str) -> Figure:
+def figure6(
+    frames: Array, times: Array, rest: Array, title: str,
+    curves: Mapping[str, tuple[Array, Array]] | None = None,
+) -> Figure:  # fmt: skip
     """Draw Fig. 6 of the curve paper: pictures of a moving curve, with its rest shape in grey.
 
     frames (t, n, 2): the closed curve at the times (t,). rest (n, 2): its shape without forces.
+    curves: by name, times (k,) and shares (k,) of the displacement that remain then, for a plot
+    below the pictures.
     """
     rows = -(-len(frames) // COLUMNS)  # rounded up
     all_points = np.concatenate([frames, rest[None]])
-    height = rows * _panel_height(all_points, width=1.7) + 0.4
-    figure = Figure(figsize=(1.7 * COLUMNS, height), layout="constrained")
-    axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    heights = [rows * _panel_height(all_points, width=1.7) + 0.4, *([2.6] if curves else [])]
+    figure = Figure(figsize=(1.7 * COLUMNS, sum(heights)), layout="constrained")
+    parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+    axes = parts[0].subplots(rows, COLUMNS, squeeze=False).ravel()
     for ax, points, time in zip(axes, frames, times, strict=False):
         _draw_curve(ax, rest, closed=True, colour=REST, width=0.8)
         _draw_curve(ax, points, closed=True)
         ax.set_title(f"τ = {time:.3g}", fontsize=8)
     for ax in axes:
         _fit_axes(ax, all_points)
-    figure.suptitle(title, fontsize=10)
+    parts[0].suptitle(title, fontsize=10)
+    if curves:
+        _draw_shares(parts[1].subplots(), curves)
     return figure
 
 
-def figure7(shapes: Sequence[tuple[int, Array]], times: Array, title: str) -> Figure:
+def _draw_shares(ax: Axes, curves: Mapping[str, tuple[Array, Array]]) -> None:
+    """Plot shares of a displacement that remain over time, by name: times (k,) and shares (k,)."""
+    for colour, (name, (times, shares)) in zip((INK, OTHER), curves.items(), strict=False):
+        ax.plot(times, shares, color=colour, lw=1.3, label=name)
+        ax.set_xlim(0, times[-1])
+    ax.set(xlabel="τ", ylabel="RMS displacement, first = 1", ylim=(0, None))
+    ax.legend(fontsize=9, loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
+
+
+def figure7(
+    shapes: Sequence[tuple[str, Array]], times: Array, title: str, fine: Array | None = None
+) -> Figure:
     """Draw Fig. 7 of the curve paper: a moving curve, one row for each number of control points.
 
-    shapes: pairs (number of control points, closed curves (t, n, 2) at the times (t,)).
+    shapes: pairs (name of the row, closed curves (t, n, 2) at the times (t,)). fine (t, n, 2): the
+    solution at all points, drawn in grey behind each row.
     """
     all_points = np.concatenate([frames for _, frames in shapes])
     height = len(shapes) * _panel_height(all_points, width=1.5) + 0.5
     figure = Figure(figsize=(1.5 * len(times) + 0.6, height), layout="constrained")
     rows = figure.subplots(len(shapes), len(times), squeeze=False)
-    for index, (row, (control_points, frames)) in enumerate(zip(rows, shapes, strict=True)):
-        for ax, time, points in zip(row, times, frames, strict=True):
+    for index, (row, (name, frames)) in enumerate(zip(rows, shapes, strict=True)):
+        for column, (ax, time, points) in enumerate(zip(row, times, frames, strict=True)):
+            if fine is not None:
+                _draw_curve(ax, fine[column], closed=True, colour=REST, width=0.8)
             _draw_curve(ax, points, closed=True)
             _fit_axes(ax, all_points)
             if index == 0:
                 ax.set_title(f"τ = {time:.3g}", fontsize=8)
-        _name_row(row[0], f"({'abcdefgh'[index]}) {control_points}")
+        _name_row(row[0], f"({'abcdefgh'[index]}) {name}")
     figure.suptitle(title, fontsize=10)
     return figure

@@ -30,7 +30,7 @@ def draw_morphs(morphs: Mapping[str, Morph]) -> Picture:
             tiles.append(paint_layers(contours, (_SIZE, _SIZE), _SIZE / side))
         bar = np.full((_BAR, _SIZE * _COLUMNS, 3), 255, np.uint8)
         folds = sum(int(count.sum()) for count in morph.folds.values())
-        text = f"{name}: {folds or 'no'} folds in {len(morph.tau)} frames"
+        text = f"{name}: {folds or 'no'} fold{'' if folds == 1 else 's'} in {len(morph.tau)} frames"
         cv2.putText(bar, text, (6, 16), (0, 0, 0), cv2.FontFace("sans"), 13)
         rows += [bar, np.hstack(tiles)]
     return np.vstack(rows)

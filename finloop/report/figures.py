@@ -203,22 +203,23 @@ CURVES = Chapter(
     "curves", "Curves", CURVE,
     "Outlines as wavelet coefficients: coarse, swinging, morphed.", (
         Figure("morph/figures/fig2.png", "Fig. 2", "One outline at every scale",
-               "A digit's outline, kept with fewer and fewer coefficients, for two wavelets.",
-               "The digit 3, ever coarser from left to right, in two rows."),
+               "A digit's outline, kept with fewer and fewer coefficients, by the paper's two "
+               "wavelets and the chosen one.",
+               "The digit 3, ever coarser from left to right, in rows."),
         Figure("morph/figures/fig3.png", "Fig. 3", "The stiffness matrix",
                "In the wavelet basis, at two scales; black is large.",
                "A square matrix with bands along the diagonals of its blocks."),
         Figure("morph/figures/fig4.png", "Fig. 4", "Morphs",
-               "Linear, physical, and simple, which never folds.",
-               "A drawn face turns into another one, in three rows."),
+               "Linear, at 8, 16, 32 and all control points; physical; and fold-free.",
+               "A drawn face turns into another one, in six rows."),
         Figure("morph/figures/fig5.png", "Fig. 5", "Linear against physical",
                "Several elasticities, dampings and masses.",
                "The same morph of a face in five rows."),
         Figure("morph/figures/fig6.png", "Fig. 6", "A released hoop",
-               "Bent, and back to round; the dashed outline is the rest.",
-               "Successive outlines of a hoop that swings."),
+               "Bent, and back to rest, in grey. Without friction it would swing for ever.",
+               "Successive outlines of a hoop that swings, and a plot of what is left over time."),
         Figure("morph/figures/fig7.png", "Fig. 7", "The hoop with few control points",
-               "With 4, 8, 16 and 32 control points.",
+               "Solved at 4, 8, 16 and 32 control points; grey: at 256.",
                "Four rows of outlines of the hoop, from coarse to fine."),
     ),
 )  # fmt: skip
@@ -230,7 +231,8 @@ _GAIT = (
      "fitted by γ."),
     ("fig12", "Fig. 12", "The synthesised cycle", "From key poses and γ."),
     ("fig13", "Fig. 13", "Subcycle A in detail", "More of its frames, synthesised."),
-    ("fig14", "Fig. 14", "With few control points", "The cycle with 4, 16 and 64 of them."),
+    ("fig14", "Fig. 14", "With few control points", "The cycle solved at 4, 16 and 64 of them, and "
+     "how far off."),
 )  # fmt: skip
 GAITS = Chapter(
     "gait", "Gait", CURVE,
