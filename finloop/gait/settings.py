@@ -7,6 +7,9 @@ from pydantic import Field
 
 from finloop.base.settings import Positive
 
+Sharing = Literal["limb", "scale", "coefficient", "coordinate"]
+"""What has a γ of its own: a limb, a scale of it, a wavelet coefficient, or its x and y each."""
+
 
 @dataclass(frozen=True)
 class GaitSettings:
@@ -16,7 +19,7 @@ class GaitSettings:
     regions: str | None
     regions_rate_hz: Positive | None
     contour_points: Annotated[int, Field(ge=64, le=1024)]
-    gamma_per_scale: bool
+    gamma: Sharing
     walker_drawings: tuple[str, str]
     swimmer_drawings: tuple[str, str]
     swimmer_gait: str | None
@@ -29,14 +32,15 @@ class GaitSettings:
     seed: ClassVar[int] = 1  # of that noise
     # phase of key 2: subcycle A ends there, C half a cycle later; even quarters, as Figs. 8-10
     split: ClassVar[float] = 0.25
-    wavelet: ClassVar[str] = "coif2"  # of the descriptor; one γ for all scales is alike for any
+    wavelet: ClassVar[str] = "coif2"  # of the descriptor; one γ a limb is alike for any
     coarse: ClassVar[int] = 4  # coefficients of the coarsest scale, a power of two: the rough shape
     # frames/s of a drawing in motion, about: whole frames make up a cycle
     frame_rate_hz: ClassVar[float] = 40.0
     size_px: ClassVar[int] = 512  # px, longer side of the films; the SVG has any size
     RENAMED: ClassVar = {
         "points": "contour_points",
-        "per_scale": "gamma_per_scale",
+        "per_scale": "gamma",
+        "gamma_per_scale": "gamma",
         "dog_1": "walker_drawings",
         "dog_2": "walker_drawings",
         "fish_1": "swimmer_drawings",
