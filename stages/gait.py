@@ -30,7 +30,7 @@ from finloop.gait.limbs import check_traced_contour, region_contour
 from finloop.gait.model import Gait, gait_to_record
 from finloop.gait.outline import swim_contours, track_outlines
 from finloop.gait.period import Period
-from finloop.gait.settings import GaitSettings
+from finloop.gait.settings import GaitSettings, Sharing
 from finloop.gait.tool import load_gait
 from finloop.gait.transfer import animate_drawing, repeat_cycle
 from finloop.gait.truth import true_gamma
@@ -74,10 +74,15 @@ class GaitFit(NamedTuple):
     gait: Gait
     keys: KeyFrames
     errors: ClockComparison
+    sharing: Sharing
 
     def rms(self) -> dict[str, float]:
-        """Return the RMS errors on held-out frames, by `rms_<clock>_pct`, in % of body length."""
-        return {f"rms_{clock}_pct": 100 * self.errors.rms[clock] for clock in CLOCKS}
+        """Return the RMS errors on held-out frames, in % of body length.
+
+        They are named `rms_<clock>_pct`; `rms_gamma_pct` is that of the gait's own γ.
+        """
+        rms = {f"rms_{clock}_pct": 100 * self.errors.rms[clock] for clock in CLOCKS}
+        return {"rms_gamma_pct": rms[f"rms_{self.sharing}_pct"], **rms}
 
 
 def _draw_figures(fit: GaitFit, folder: Path, pictures: CyclePictures | None) -> None:
@@ -85,7 +90,7 @@ def _draw_figures(fit: GaitFit, folder: Path, pictures: CyclePictures | None) ->
 
     pictures: of a cycle, for Fig. 8; None = Fig. 8 shows contours instead.
     """
-    film, gait, keys, _ = fit
+    film, gait, keys = fit.film, fit.gait, fit.keys
     samples = sort_into_subcycles(film, gait.split, gait.descriptor)
     subcycles = build_subcycles(keys, samples, gait.descriptor)
     for name, figure in draw_gait_figures(film, gait, keys, subcycles, pictures):
@@ -100,9 +105,9 @@ def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sour
     settings: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare_clocks(film, **settings)
     frequency_hz = float(beat.frequency_hz)
-    gait, keys = fit_gait(film, name, frequency_hz, **settings, per_scale=p.gamma_per_scale)
+    gait, keys = fit_gait(film, name, frequency_hz, **settings, sharing=p.gamma)
     gait = replace(gait, source=source, confidence=beat.confidence, residuals=errors.rms)
-    return GaitFit(film, gait, keys, errors)
+    return GaitFit(film, gait, keys, errors, p.gamma)
 
 
 def fit_tracks(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
@@ -135,7 +140,7 @@ def fit_tracks(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
             rows.append(row)
             advance()
     columns = ["track_id", "frames", "frequency_hz", "cycles", "confidence"]
-    columns += [f"rms_{clock}_pct" for clock in CLOCKS] + ["why_not"]
+    columns += [f"rms_{clock}_pct" for clock in ("gamma", *CLOCKS)] + ["why_not"]
     best = max(fits, key=lambda fit: fit.gait.confidence, default=None)
     return best, pd.DataFrame(rows).reindex(columns=columns)
 
@@ -208,13 +213,13 @@ def _gamma_errors(table: pd.DataFrame) -> dict[str, float]:
 def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
     """Return a table of the gait parameter γ, a row per contour and subcycle.
 
-    film: name for the column film. gamma is the mean over scales; the columns true, exact and clock
-    are NaN, for `_fill_in_reference_gammas`.
+    film: name for the column film. gamma is that of the limb, see `Gait.limb_gamma`; the columns
+    true, exact and clock are NaN, for `_fill_in_reference_gammas`.
     """
     rows = [
-        (film, name, subcycle, float(np.mean(values)), np.nan, np.nan, np.nan)
+        (film, name, subcycle, gait.limb_gamma(name, subcycle), np.nan, np.nan, np.nan)
         for name, subcycles in gait.gamma.items()
-        for subcycle, values in subcycles.items()
+        for subcycle in subcycles
     ]
     columns = ["film", "contour", "subcycle", "gamma", "true", "exact", "clock"]
     return pd.DataFrame(rows, columns=columns)
@@ -336,7 +341,8 @@ def _save_fits(
         save_json(folder / f"{film}.json", gait_to_record(fit.gait), indent=1)
         with whole_folder(FIGURES / film) as figures_of_film:
             _draw_figures(fit, figures_of_film, pictures if film == "limbs" else None)
-    for name in ("by_contour", "by_scale"):
+        numbers[f"{film}_coordinates_not_monotone"] = len(fit.errors.not_monotone)
+    for name in ("by_contour", "by_scale", "not_monotone"):
         parts = [getattr(fit.errors, name).assign(film=film) for film, fit in fits.items()]
         save_csv(folder / f"{name}.csv", pd.concat(parts, ignore_index=True), decimals=5)
     return numbers

@@ -63,7 +63,10 @@ TABLES = {  # by chapter
         ("data/morph/connection.csv", "Tables 1, 2 of the curve paper: connection coefficients"),
         ("data/morph/folds.csv", "Frames in which a contour crosses itself"),
     ),
-    "gait": (("data/gait/gamma.csv", "γ and the unexplained rest"),),
+    "gait": (
+        ("data/gait/by_contour.csv", "Errors of six clocks on held-out frames, in body lengths"),
+        ("data/gait/gamma.csv", "γ of limbs, beside the true one"),
+    ),
     "checks": (
         (f"{CLIP}/{FINDINGS_NAME}", "Quality of the film, with advice"),
         (f"{EXTRACT}/{FINDINGS_NAME}", "How its animals are seen, with advice"),

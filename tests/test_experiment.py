@@ -206,7 +206,7 @@ MIXED = ["auto", 10.0, 0.1, 2.0]
 def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
     _, numbers = random_runs(4)
     numbers.iloc[3, 0] = np.nan
-    varied = {"features.delta_s": MIXED, "gait.gamma_per_scale": [True, False, True, False]}
+    varied = {"features.delta_s": MIXED, "clip.colour": [True, False, True, False]}
     parameters = pd.DataFrame(varied, numbers.index)
     found = compare_experiments(parameters, numbers, [])
     assert list(found.parameters["features.delta_s"]) == [0.1, 2.0, 10.0, "auto"]

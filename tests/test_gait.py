@@ -175,6 +175,28 @@ def test_numbers_out_of_range_are_refused():
             contours_at_phases(ONE, TWO, gait, np.arange(8) / 8, control=control)
 
 
+def test_gamma_of_coefficients_fits_the_number_of_points_that_it_was_fitted_to():
+    gammas = tuple((value,) for value in np.linspace(-1, 1, 32).tolist())
+    gait = replace(WALK, gamma={"*": {"A": gammas, "B": gammas}})
+    whole = contours_at_phases(ONE, TWO, gait, np.array([0.1]))["body"]
+    way = DESCRIPTOR.coefficients(ONE["body"] - TWO["body"])
+    shares = start_share(np.array(0.4), np.array(gammas))
+    np.testing.assert_allclose(DESCRIPTOR.coefficients(whole[0] - TWO["body"]), shares * way)
+    half = [{name: points[::2] for name, points in key.items()} for key in (ONE, TWO)]
+    with pytest.raises(FinloopError, match="γ for 32 coefficients, and contours with 16"):
+        contours_at_phases(*half, gait, np.array([0.1]))
+
+
+@pytest.mark.parametrize("shape", [(1,), (6,), (64, 1), (64, 2)])
+def test_a_gait_of_any_sharing_comes_back_from_its_file(tmp_path, shape):
+    values = np.random.default_rng(1).normal(size=shape).round(6).tolist()
+    gammas = tuple(tuple(row) if isinstance(row, list) else row for row in values)
+    both = {"outline": {"A": gammas, "B": gammas}}
+    gait = Gait("own", "mirror", 2.0, both | {"*": {"A": (0.0,), "B": (0.5,)}}, motion=both)
+    save_json(tmp_path / "own.json", gait_to_record(gait))
+    assert load_gait(tmp_path / "own.json") == gait
+
+
 @pytest.mark.parametrize(
     "spans", [((0.0, 0.25), (0.5, 1.0)), ((0.5, 1.0), (0.0, 0.5)), ((0.3, 1.3),)]
 )
@@ -211,7 +233,11 @@ def test_the_least_that_a_person_must_write(tmp_path):
         ({"coarse": 3}, "no power of two"),
         ({"gamma": {}}, "gait.gamma: .* at least 1 item"),
         ({"gamma": {"*": {"A": [0]}}}, r"gait.gamma.\*: .* at least 2 items"),
-        ({"gamma": {"*": {"A": [0], "B": ["x"]}}}, r"gait.gamma.\*.B.0: should be a valid number"),
+        ({"gamma": {"*": {"A": [0], "B": ["x"]}}}, r"gait.gamma.\*.B.scales.0: .* a valid number"),
+        ({"gamma": {"*": {"A": [0], "B": [[0], [1, 2]]}}}, "coefficients: one γ for some"),
+        ({"gamma": {"*": {"A": [0], "B": [[0], [1], [2]]}}}, "coefficients: no power of two"),
+        ({"gamma": {"*": {"A": [0], "B": [[0, 1, 2]]}}}, r"B.coefficients.0: .* at most 2 items"),
+        ({"motion": {"*": {"A": [1], "B": [1, 1]}}}, r"motion.\*.B has not one number for each γ"),
         ({"gamma": {"*": {"A": [0], "B": [float("inf")]}}}, "finite number"),
         ({"support": {"fore_left": [[0.5, 0.2]]}}, "gait.support.fore_left: no list"),
         ({"gamma": {"*": {"A": [0], "B": [1e300]}}}, "less than or equal to 1000"),

@@ -9,8 +9,16 @@ from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, frame_phases, true_limb_contours
 from finloop.gait.compare import choose_held_out_frames, compare_clocks
 from finloop.gait.cycles import align_phase, foot_positions
-from finloop.gait.fit import GaitContours, fit_gait, interpolate_key_frames
+from finloop.gait.fit import (
+    GaitContours,
+    Subcycle,
+    SubcycleFrames,
+    fit_gait,
+    interpolate_key_frames,
+)
 from finloop.gait.model import (
+    SHARINGS,
+    Descriptor,
     Gait,
     HalfCycleLayout,
     contours_at_phases,
@@ -105,13 +113,109 @@ def test_keys_between_frames_allow_for_the_bend_of_the_way():
         assert gait.gamma[name]["B"] == pytest.approx(TRUE[name]["B"], abs=0.05)
 
 
-def test_gamma_per_scale_comes_back():
-    per_scale = {name: {"A": (0.5, -0.5, 0.9, 0.0), "B": (-0.7, 0.2, 0.1, 0.3)} for name in LIMBS}
-    film = _film(np.arange(24) / 16, per_scale)
-    gait, _ = fit_gait(film, "x", 1.0, wavelet="db4", per_scale=True)
+SHAPES = {"limb": (1,), "scale": (4,), "coefficient": (N, 1), "coordinate": (N, 2)}
+
+
+def _random_gammas(sharing: str) -> dict[str, dict[str, tuple]]:
+    rng = np.random.default_rng(3)
+
+    def draw() -> tuple:
+        values = rng.uniform(-0.9, 0.9, SHAPES[sharing]).tolist()
+        return tuple(tuple(row) if isinstance(row, list) else row for row in values)
+
+    return {name: {"A": draw(), "B": draw()} for name in LIMBS}
+
+
+def _noise_poses(seed: int) -> dict[str, np.ndarray]:
+    """Contours whose coefficients all move, at all scales and in x and y."""
+    rng = np.random.default_rng(seed)
+    return {name: rng.normal(size=(N, 2)) for name in LIMBS}
+
+
+ROUGH = {"one": _noise_poses(1), "two": _noise_poses(2)}
+
+
+@pytest.mark.parametrize("sharing", SHARINGS)
+def test_gamma_of_whatever_shares_one_comes_back_and_predicts_what_a_shared_clock_cannot(sharing):
+    gammas = _random_gammas(sharing)
+    film = _film(np.arange(48) / 16, gammas, **ROUGH)
+    gait, keys = fit_gait(film, "x", 1.0, wavelet="db4", sharing=sharing)
     for name in LIMBS:
         for letter in "AB":
-            assert gait.gamma[name][letter] == pytest.approx(per_scale[name][letter], abs=1e-9)
+            found = np.array(gait.gamma[name][letter])
+            np.testing.assert_allclose(found, gammas[name][letter], atol=1e-9)
+    cycle = contours_at_phases(keys.first, keys.second, gait, film.phase)
+    np.testing.assert_allclose(cycle["hind_left"], film.contours["hind_left"], atol=1e-9)
+    rms = compare_clocks(film, wavelet="db4").rms
+    finer = SHARINGS.index(sharing)
+    assert all(rms[clock] < 1e-9 for clock in SHARINGS[finer:])
+    assert all(rms[clock] > 0.02 for clock in ("linear", *SHARINGS[:finer]))
+    assert (rms["free"] < 1e-9) == (sharing == "limb")  # no bound for clocks that differ
+
+
+def test_each_finer_gamma_fits_the_frames_better_and_its_mean_by_energy_is_that_of_the_limb():
+    film = _film(np.arange(48) / 16, **ROUGH)
+    rng = np.random.default_rng(4)
+    noisy = replace(
+        film, contours={k: v + rng.normal(size=v.shape) for k, v in film.contours.items()}
+    )
+    gaits, errors = {}, []
+    for sharing in SHARINGS:
+        gaits[sharing], keys = fit_gait(noisy, "x", 1.0, wavelet="db4", sharing=sharing)
+        cycle = contours_at_phases(keys.first, keys.second, gaits[sharing], film.phase)
+        errors.append(sum(float(((cycle[k] - noisy.contours[k]) ** 2).sum()) for k in LIMBS))
+    assert (np.diff(errors) < 0).all()
+    for gait in gaits.values():
+        for name in LIMBS:
+            limb = gaits["limb"].gamma[name]["A"][0]
+            assert gait.limb_gamma(name, "A") == pytest.approx(limb, abs=1e-9)
+
+
+def test_what_hardly_moves_has_the_gamma_of_its_parent():
+    """Of 8 coefficients, 2 of the coarsest scale move, one only in x; the second scale is still."""
+    start, gamma = np.zeros((8, 2)), np.array([0.8, -0.4])
+    start[0], start[1], start[2] = (3, 2), (1, 0), (1e-4, 0)
+    tau = np.array([0.2, 0.5, 0.9])
+    frames = np.zeros((3, 8, 2))
+    frames[:, :2] = start_share(tau[:, None, None], gamma[:, None]) * start[:2]
+    frames[:, 2:] = np.random.default_rng(5).normal(size=(3, 6, 2)) * 1e-3
+    scales = [slice(0, 4), slice(4, 8)]
+    subcycle = Subcycle(SubcycleFrames(tau, frames), start, np.zeros((8, 2)), scales)
+    limb = (13 * 0.8 - 0.4) / 14
+    assert subcycle.fit_gammas("limb", 1e-3) == pytest.approx([limb], abs=1e-6)
+    scale = subcycle.fit_gammas("scale", 1e-3)
+    assert scale == pytest.approx([limb, limb], abs=1e-6)
+    coefficient = subcycle.fit_gammas("coefficient", 1e-3)
+    assert coefficient[:, 0] == pytest.approx([0.8, -0.4, *[limb] * 6], abs=1e-6)
+    coordinate = subcycle.fit_gammas("coordinate", 1e-3)
+    assert coordinate == pytest.approx(np.repeat(coefficient, 2, axis=1), abs=1e-6)
+    assert (
+        np.abs(subcycle.fit_gammas("coefficient", 0.0)[2]) > 5
+    )  # noise, divided by hardly anything
+    still = Subcycle(subcycle.samples, start, start, scales)
+    assert not still.fit_gammas("coordinate", 1e-3).any()
+
+
+def test_coordinates_that_turn_back_are_named():
+    gammas = _random_gammas("coordinate")
+    rows = np.array(gammas["hind_left"]["B"])
+    rows[2, 1], rows[30, 0] = 4.0, -6.0
+    gammas["hind_left"]["B"] = tuple(map(tuple, rows.tolist()))
+    film = _film(np.arange(48) / 16, gammas, **ROUGH)
+    table = compare_clocks(film, wavelet="db4").not_monotone
+    assert set(table["contour"] + table["subcycle"]) == {"hind_leftB"}
+    found = table.set_index(["coefficient", "coordinate"])["gamma"].to_dict()
+    assert found == pytest.approx({(3, "y"): 4.0, (31, "x"): -6.0}, abs=1e-6)
+    assert (table["left_pct"] < 1e-6).all() and table["beyond_key_pct"].is_monotonic_decreasing
+    # y of coefficient 3 passes its key by f = −(4 − 1)² / (4 · 4) of its way.
+    coefficients = [
+        Descriptor("db4").coefficients(pose["hind_left"])[2, 1] for pose in ROUGH.values()
+    ]
+    one, two = ROUGH["one"]["hind_right"], coefficients[1]  # B goes from key 2 to 1', by symmetry
+    way = abs(two - Descriptor("db4").coefficients(one)[2, 1])
+    beyond = table.set_index("coefficient")["beyond_key_pct"][3]
+    assert beyond == pytest.approx(100 * 9 / 16 * way / np.sqrt(N) / film.body_length)
+    assert compare_clocks(_film(np.arange(48) / 16), wavelet="db4").not_monotone.empty
 
 
 def test_half_a_cycle_is_enough_and_less_is_refused():
@@ -200,9 +304,9 @@ def test_support_is_from_the_foremost_place_to_the_hindmost():
 def test_clocks_on_frames_left_out_stand_in_their_order():
     quiet = compare_clocks(_film(np.arange(48) / 16), wavelet="db4")
     assert quiet.rms["linear"] > 0.01
-    assert max(quiet.rms[clock] for clock in ("gamma", "gamma_scale", "free")) < 1e-9
+    assert max(quiet.rms[clock] for clock in ("limb", "scale", "free")) < 1e-9
     other = compare_clocks(_film(np.arange(24) / 16), wavelet="db4")  # no left-out frame has a twin
-    assert other.rms["gamma"] < other.rms["free"] < other.rms["linear"]
+    assert other.rms["limb"] < other.rms["free"] < other.rms["linear"]
     hind = quiet.by_scale.query("contour == 'hind_left' and subcycle == 'B'")
     assert hind["verdict"].iloc[0] == "buys" and hind["energy_share"].sum() == pytest.approx(1)
     straight = compare_clocks(_film(np.arange(48) / 16, {"*": {"A": (0.0,), "B": (0.0,)}}))
@@ -217,8 +321,8 @@ def test_noise_makes_gamma_buy_nothing_where_there_is_none():
     limbs = found.by_contour.set_index(["contour", "subcycle"])
     for name in LIMBS:
         a, b = limbs.loc[(name, "A")], limbs.loc[(name, "B")]
-        assert b["rms_gamma"] < b["rms_linear"]
-        assert a["rms_gamma"] == pytest.approx(a["rms_linear"], rel=0.02)
+        assert b["rms_limb"] < b["rms_linear"]
+        assert a["rms_limb"] == pytest.approx(a["rms_linear"], rel=0.02)
     fine = found.by_scale.query("subcycle == 'A' and scale > 0")
     assert not (fine["gamma_buys_pct"] > 10).any()
 
@@ -229,7 +333,7 @@ def test_what_is_left_out():
     even, odd = choose_held_out_frames(_film(np.arange(24) / 16))  # every other frame
     assert (even ^ odd).all() and not (even[1:] & even[:-1]).any()
     one = compare_clocks(_film(np.arange(24) / 24), wavelet="db4")
-    assert one.rms["gamma"] < one.rms["linear"]
+    assert one.rms["limb"] < one.rms["linear"]
 
 
 def test_the_keys_that_a_film_starts_from_do_not_matter():

@@ -91,7 +91,10 @@ def no_figures(monkeypatch) -> None:
 gait_run = stage_run("gait")
 
 
-TABLES = {"by_contour.csv", "by_scale.csv", "gamma.csv", "tracks.csv"}
+TABLES = {"by_contour.csv", "by_scale.csv", "gamma.csv", "not_monotone.csv", "tracks.csv"}
+FIGURES = {f"fig{number}" for number in range(8, 15)} | {
+    f"fig11_{sharing}" for sharing in ("scale", "coefficient", "coordinate")
+}
 
 
 DRAWN = {f"{n}{e}" for n in ("dog", "fish") for e in (".svg", ".webp", ".mp4", ".lottie.json")}
@@ -108,12 +111,18 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(gait_run, folder):
         assert (folder / out).exists(), out
     made_here = {path.name for path in (folder / "data/gait").iterdir()}
     assert made_here - {"outline.json"} == MADE
-    for number in range(8, 15):
-        assert load_picture(folder / f"reports/gait/figures/limbs/fig{number}.png").std() > 5
+    for name in FIGURES:
+        assert load_picture(folder / f"reports/gait/figures/limbs/{name}.png").std() > 5
     numbers = load_numbers(folder / "reports/gait")
     assert numbers["dog_gamma_error_exact_pct"] < 2
     assert numbers["dog_gamma_error_film_pct"] < 20  # a quarter of the usual picture
-    assert numbers["limbs_rms_gamma_pct"] < 0.8 * numbers["limbs_rms_linear_pct"]
+    assert numbers["limbs_rms_limb_pct"] < 0.8 * numbers["limbs_rms_linear_pct"]
+    assert numbers["limbs_rms_gamma_pct"] == numbers["limbs_rms_coordinate_pct"]
+    assert numbers["limbs_rms_gamma_pct"] < numbers["limbs_rms_coefficient_pct"]
+    turning = pd.read_csv(folder / "data/gait/not_monotone.csv")
+    assert len(turning) == numbers["limbs_coordinates_not_monotone"] > 0
+    assert (turning["gamma"].abs() > 1).all()
+    assert np.shape(load_gait(folder / "data/gait/limbs.json").gamma["fore_left"]["A"])[1] == 2
     prepare(folder, *SMALL)
     stages.gait.main()
     again = content(folder / "data/gait") | content(folder / "reports/gait")
@@ -132,7 +141,7 @@ def test_of_two_fish_the_one_that_beats_its_tail_has_a_gait(folder, monkeypatch)
     made_here = {path.name for path in (folder / "data/gait").iterdir()}
     assert made_here == {*MADE, "outline.json"}
     figures_here = {path.name for path in (folder / "reports/gait/figures/outline").iterdir()}
-    assert figures_here == {f"fig{number}.png" for number in range(8, 15)}
+    assert figures_here == {f"{name}.png" for name in FIGURES}
     numbers = load_numbers(folder / "reports/gait")
     assert (numbers["tracks"], numbers["tracks_that_repeat"]) == (2, 1)
     assert numbers["outline_frequency_hz"] == pytest.approx(BEAT_HZ, rel=0.01)
@@ -150,7 +159,8 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     save_masks(folder / "own", masks)
     for path in sorted((folder / "own").glob("*/*.png"), reverse=True):
         path.rename(path.with_stem(f"{int(path.stem) + 1:04}"))
-    prepare(folder, *SMALL, "gait.limbs=regions", "gait.regions=own", "gait.regions_rate_hz=24")
+    prepare(folder, *SMALL, "gait.limbs=regions", "gait.regions=own",
+            "gait.regions_rate_hz=24", "gait.gamma=scale")  # fmt: skip
     put_fish(folder, False, frames=20)
     stages.gait.main()
     said = capsys.readouterr().out
@@ -159,6 +169,9 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     assert not (folder / "reports/gait/figures/outline").exists()
     assert not (folder / "data/gait/outline.json").exists()
     gait = load_gait(folder / "data/gait/limbs.json")
+    assert np.ndim(gait.gamma["fore_left"]["A"]) == 1 < len(gait.gamma["fore_left"]["A"])
+    numbers = load_numbers(folder / "reports/gait")
+    assert numbers["limbs_rms_gamma_pct"] == numbers["limbs_rms_scale_pct"]
     assert gait.name == "own" and gait.frequency_hz == pytest.approx(dog.frequency_hz, rel=0.03)
 
 

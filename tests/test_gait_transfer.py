@@ -10,13 +10,15 @@ from conftest import ROOT
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve
+from finloop.drawn.dog.walk import DogFilm, frame_phases, true_limb_contours
+from finloop.gait.fit import GaitContours, fit_gait
 from finloop.gait.ground import foot_displacement, measure_ground, plant_feet, support_frames
-from finloop.gait.model import Gait, mirror_contours
+from finloop.gait.model import Gait, contours_at_phases, mirror_contours
 from finloop.gait.transfer import (
-    add_pooled_gamma,
     animate_drawing,
     match_key_poses,
     mirrored_point_orders,
+    pool_gammas,
     renumber_curve,
     repeat_cycle,
 )
@@ -122,8 +124,47 @@ def test_swing_follows_its_clock():
 
 def test_ids_that_a_gait_does_not_name_go_by_the_mean():
     bare = replace(WALK, gamma={"fore_left": {"A": (-1.0, -0.5), "B": (1.0,)}})
-    assert add_pooled_gamma(bare).gamma["*"] == {"A": (-0.75,), "B": (1.0,)}
-    assert add_pooled_gamma(WALK) is WALK
+    assert pool_gammas(bare).gamma == bare.gamma | {"*": {"A": (-0.75,), "B": (1.0,)}}
+    assert pool_gammas(WALK) == WALK
+
+
+def test_gamma_per_coefficient_moves_a_drawing_of_any_number_of_points_by_its_mean():
+    """The mean is by energy: (3² · 0.5 + 4² · −0.5) / 5²."""
+    gammas, motion = ((0.5,), (-0.5,)), ((0.6,), (0.8,))
+    each = dict.fromkeys("AB", gammas), dict.fromkeys("AB", motion)
+    gait = Gait("x", "mirror", 1.0, {"tail": each[0]}, motion={"tail": each[1]})
+    pooled = pool_gammas(gait).gamma
+    assert pooled["tail"] == pooled["*"] == dict.fromkeys("AB", (pytest.approx(-0.14),))
+    one = replace(gait, gamma={"*": dict.fromkeys("AB", (-0.14,))}, motion={})
+    for points in (32, 64):
+        found, wanted = (animate_drawing(*poses("fish"), g, 8, points).morph for g in (gait, one))
+        for name, stack in wanted.layers.items():
+            np.testing.assert_allclose(found.layers[name], stack, atol=0.02)
+
+
+def test_gamma_of_one_dog_moves_another_dog_best_as_one_for_the_limb():
+    """γ per coordinate belongs to the contour that was filmed: elsewhere it is worse than none."""
+
+    def film(dog: DogFilm, start: int) -> GaitContours:
+        contours = true_limb_contours(dog, 32).items()
+        rolled = {name: np.roll(points, start, axis=1) for name, points in contours}
+        return GaitContours(rolled, frame_phases(dog), dog.body_length_px, "swap")
+
+    one, other = film(DogFilm(), 0), film(DogFilm(stride=0.3, lift=0.05), 7)
+    keys = [{name: points[k] for name, points in other.contours.items()} for k in (0, 6)]
+
+    def error(gait: Gait) -> float:
+        """Of subcycle A of the other dog, RMS, px."""
+        found = contours_at_phases(*keys, gait, other.phase[:6])
+        off = [points - other.contours[name][:6] for name, points in found.items()]
+        return float(np.sqrt(np.mean(np.square(off))))
+
+    limb, coordinate = (
+        fit_gait(one, "x", 1.0, sharing=sharing)[0] for sharing in ("limb", "coordinate")
+    )
+    linear = error(Gait("x", "swap", 1.0, {}))
+    assert error(limb) < 0.7 * linear < linear < error(coordinate)
+    assert error(pool_gammas(coordinate)) == pytest.approx(error(limb), rel=1e-3)
 
 
 def test_a_far_limb_that_stands_higher_stays_there():

@@ -1,12 +1,14 @@
-"""How much γ lowers the error: four clocks on frames held out of the fit (curve paper §4.2).
+"""How much γ lowers the error: six clocks on frames held out of the fit (curve paper §4.2).
 
 A clock says how much of the first key frame is left at each moment between two key frames. The
-clocks, from the most to the least constrained: "linear", γ = 0; "gamma", one γ for each contour and
-subcycle; "gamma_scale", one γ for each scale too; "free", any share that only falls, for each
-contour and subcycle (isotonic regression), the best possible clock. All are fitted to the frames
-that are not held out.
+clocks, each for a contour and subcycle: "linear", γ = 0; "limb", "scale", "coefficient" and
+"coordinate", named by what shares a γ; "free", any share that only falls, the same for all
+coordinates (isotonic regression). "free" is the best that a shared clock can do, so it bounds
+"linear" and "limb" alone: the others have clocks of their own for parts of a contour. All are
+fitted to the frames that are not held out.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,16 +24,15 @@ from finloop.gait.fit import (
     Subcycle,
     SubcycleKey,
     check_phases,
-    fit_all_gammas,
     fit_key_frames,
     sort_into_subcycles,
 )
-from finloop.gait.model import Descriptor
+from finloop.gait.model import SHARINGS, Descriptor
 
-CLOCKS = ("linear", "gamma", "gamma_scale", "free")
+CLOCKS = ("linear", *SHARINGS, "free")
 LEAST_GAIN = 0.02
 """Least share of a scale's squared held-out error that a useful γ removes."""
-LEAST_ERROR = 1e-4  # body lengths: a smaller held-out error (RMS) of a scale is not visible
+LEAST_ERROR = 1e-4  # body lengths, RMS over a contour: what is smaller is not visible
 
 _KEYS = ["contour", "subcycle", "scale"]
 _WHOLE = -1  # in the column scale: all scales together
@@ -39,15 +40,16 @@ _WHOLE = -1  # in the column scale: all scales together
 
 @dataclass(frozen=True)
 class ClockComparison:
-    """How well the four CLOCKS predict the contours of frames held out of the fit."""
+    """How well the six CLOCKS predict the contours of frames held out of the fit."""
 
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
     by_contour: pd.DataFrame  # columns contour, subcycle, frames, and rms_<clock>
     # columns contour, subcycle, scale (0 = the coarsest), coefficients (number), gamma (fitted to
-    # all frames), energy_share (of the motion between the keys), rms_linear, rms_gamma_scale,
+    # all frames), energy_share (of the motion between the keys), rms_linear, rms_scale,
     # gamma_buys_pct (% of the squared error that γ removes), verdict (buys, buys nothing, costs, or
     # not seen)
     by_scale: pd.DataFrame
+    not_monotone: pd.DataFrame  # see `find_turning_coordinates`
 
 
 def choose_held_out_frames(film: GaitContours) -> list[Mask]:
@@ -67,7 +69,7 @@ def choose_held_out_frames(film: GaitContours) -> list[Mask]:
 def compare_clocks(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Return the errors of a gait on frames that it was not fitted to, by each of four CLOCKS.
+    """Return the errors of a gait on frames that it was not fitted to, by each of six CLOCKS.
 
     A clock says how much of the first key frame is left at each moment between two key frames.
     Errors are RMS distances of contours, in body lengths.
@@ -84,12 +86,14 @@ def compare_clocks(
     total = contours["frames"].sum()
     rms = {}
     for clock in CLOCKS:
-        squares = contours.pop(clock)
+        squares = contours.pop(f"squares_{clock}")
         rms[clock] = float(np.sqrt(squares.sum() / total)) / film.body_length
         contours[f"rms_{clock}"] = np.sqrt(squares / contours["frames"]) / film.body_length
     _, subcycles = fit_key_frames(film, split, descriptor)
     by_scale = _errors_by_scale(film, table[~is_whole].reset_index(drop=True), subcycles)
-    return ClockComparison(rms, contours, by_scale)
+    return ClockComparison(
+        rms, contours, by_scale, find_turning_coordinates(subcycles, film.body_length)
+    )
 
 
 def _sum_held_out_errors(film: GaitContours, split: float, descriptor: Descriptor) -> pd.DataFrame:
@@ -116,36 +120,34 @@ def _held_out_errors(
 
     mask (frames,): frames held out; the clocks are fitted to all others. split: phase of key frame
     2, in cycles; descriptor: how contours become coefficients. A row has the columns of _KEYS, the
-    number of held-out `frames`, and by clock the squared error, summed over these frames and
-    divided by the number of the contour's points, in the contours' unit squared. The scale _WHOLE
-    stands for all scales together.
+    number of held-out `frames`, and squares_<clock>: the squared error, summed over these frames
+    and divided by the number of the contour's points, in the contours' unit squared. The scale
+    _WHOLE stands for all scales together.
     """
     rows = []
     least_motion = LEAST_MOTION * film.body_length
     _, subcycles = fit_key_frames(_select_frames(film, ~mask), split, descriptor)
-    one_gamma = fit_all_gammas(subcycles, per_scale=False, least_motion=least_motion)
-    scale_gammas = fit_all_gammas(subcycles, per_scale=True, least_motion=least_motion)
     held_out = sort_into_subcycles(_select_frames(film, mask), split, descriptor)
     for (name, letter), model in subcycles.items():
         tau, coefficients = held_out[name, letter].tau, held_out[name, letter].coefficients
         if not len(tau):
             continue
         point_count = len(model.end)
-        gammas = descriptor.spread_gammas(scale_gammas[name][letter], point_count)
-        start_share = _fit_free_clock(model, tau)[:, None, None]  # no γ can do better
+        start_share = _fit_free_clock(model, tau)[:, None, None]
         predictions = {
             "linear": model.predict(tau, np.zeros(1)),
-            "gamma": model.predict(tau, np.array(one_gamma[name][letter])),
-            "gamma_scale": model.predict(tau, gammas),
             "free": model.end + start_share * (model.start - model.end),
         }
+        for sharing in SHARINGS:
+            gammas = model.fit_gammas(sharing, least_motion)
+            predictions[sharing] = model.predict(tau, descriptor.spread_gammas(gammas, point_count))
         errors = {clock: coefficients - predictions[clock] for clock in CLOCKS}
         for scale, part in [(_WHOLE, slice(None)), *enumerate(model.scales)]:
             row = dict(zip(_KEYS, (name, letter, scale), strict=True)) | {"frames": len(tau)}
             for clock, error in errors.items():
                 if scale == _WHOLE:  # distances of the contours' points, not of coefficients
                     error = descriptor.contours(error, point_count)
-                row[clock] = float((error[:, part] ** 2).sum()) / point_count
+                row[f"squares_{clock}"] = float((error[:, part] ** 2).sum()) / point_count
             rows.append(row)
     return rows
 
@@ -181,21 +183,22 @@ def _errors_by_scale(
 ) -> pd.DataFrame:
     """Return the table `ClockComparison.by_scale`: errors with and without γ by wavelet scale.
 
-    table: columns of _KEYS, `frames`, and by clock the squared error summed over them, divided by
-    the number of points. subcycles: those fitted to all frames.
+    table: columns of _KEYS, `frames`, and squares_<clock>, the squared error summed over them,
+    divided by the number of points. subcycles: those fitted to all frames.
     """
     gammas, energy_shares, counts = [], [], []
     least_motion = LEAST_MOTION * film.body_length
     for name, letter, number in table[_KEYS].itertuples(index=False):
         model = subcycles[name, letter]
         change, scale = model.start - model.end, model.scales[number]
-        gammas.append(model.fit_gammas(per_scale=True, least_motion=least_motion)[number])
+        gammas.append(model.fit_gammas("scale", least_motion)[number])
         energy = max((change**2).sum(), 1e-300)  # never divide by 0
         energy_shares.append(float((change[scale] ** 2).sum() / energy))
         counts.append(scale.stop - scale.start)
-    linear, gamma_scale, frames = table["linear"], table["gamma_scale"], table["frames"]
+    linear, by_gamma = table["squares_linear"], table["squares_scale"]
+    frames = table["frames"]
     rms_linear = np.sqrt(linear / frames) / film.body_length  # without γ
-    gain = (linear - gamma_scale) / linear.where(linear > 0)  # what γ removes; < 0: it adds
+    gain = (linear - by_gamma) / linear.where(linear > 0)  # what γ removes; < 0: it adds
     verdict = np.select(
         [rms_linear < LEAST_ERROR, gain > LEAST_GAIN, gain < -LEAST_GAIN],
         ["not seen", "buys", "costs"],
@@ -206,7 +209,46 @@ def _errors_by_scale(
         gamma=gammas,
         energy_share=energy_shares,
         rms_linear=rms_linear,
-        rms_gamma_scale=np.sqrt(gamma_scale / frames) / film.body_length,
+        rms_scale=np.sqrt(by_gamma / frames) / film.body_length,
         gamma_buys_pct=(100 * gain).fillna(0.0),
         verdict=verdict,
     )
+
+
+def find_turning_coordinates(
+    subcycles: Mapping[SubcycleKey, Subcycle], body_length: float
+) -> pd.DataFrame:
+    """Return the coordinates that turn back between two keys: no γ from −1 to 1 fits them.
+
+    f(τ) of the model falls all the way only if |γ| ≤ 1. The γ that fits these coordinates best lies
+    beyond, so that they pass a key frame visibly, by LEAST_ERROR or more, and return to it.
+    subcycles: fitted to film; body_length: in the unit of the contours.
+
+    A row is a coordinate, the farthest beyond a key first; the columns are contour, subcycle,
+    coefficient (from 1), coordinate ("x" or "y"), gamma (which fits best), beyond_key_pct (how far
+    it passes the key frame, RMS over the contour, % of body length), and left_pct (% of the squared
+    distance from the straight course that this γ leaves).
+    """
+    tables = []
+    for (name, letter), subcycle in subcycles.items():
+        numerators, denominators = subcycle.gamma_fraction()
+        moves = denominators > 0
+        gamma = np.divide(numerators, denominators, out=np.zeros_like(numerators), where=moves)
+        size = np.maximum(np.abs(gamma), 1)
+        overshoot = (size - 1) ** 2 / (4 * size)  # of f, below 0 or above 1
+        distance = np.abs(subcycle.start - subcycle.end) / np.sqrt(len(gamma)) / body_length
+        turns = overshoot * distance >= LEAST_ERROR
+        rows, columns = np.nonzero(turns)
+        samples = subcycle.samples
+        left, straight = (
+            ((samples.coefficients - subcycle.predict(samples.tau, gammas)) ** 2).sum(axis=0)[turns]
+            for gammas in (gamma, np.zeros(1))
+        )
+        found = {
+            "contour": name, "subcycle": letter, "coefficient": rows + 1,
+            "coordinate": np.array(["x", "y"])[columns], "gamma": gamma[turns],
+            "beyond_key_pct": 100 * (overshoot * distance)[turns],
+            "left_pct": 100 * left / straight,
+        }  # fmt: skip
+        tables.append(pd.DataFrame(found))
+    return pd.concat(tables).sort_values("beyond_key_pct", ascending=False, ignore_index=True)

@@ -2,19 +2,21 @@
 
 The contours are sorted into the cycle of the gait. By symmetry every frame counts in the first half
 of the cycle: frames of C and D are the partner's frames of A and B. γ is fitted over the frames of
-a subcycle, see `gait.model`. The inner products run over the coefficients of one scale, or of all
-scales together, each weighted by its energy.
+a subcycle, see `gait.model`: one for a limb, a scale, a coefficient or a coordinate.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from finloop.base.arrays import Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.gait.model import (
+    MOST_GAMMA,
     POOLED,
+    SHARINGS,
     Descriptor,
     Gait,
     HalfCycleLayout,
@@ -27,18 +29,21 @@ from finloop.gait.model import (
     opposite_limb,
     start_share,
 )
+from finloop.gait.settings import Sharing
 
 WIDEST = 0.125
 """Cycles: largest distance in phase of a frame that stands in for a key, or one frame if longer."""
-Gammas = dict[str, dict[str, tuple[float, ...]]]
-"""Gait parameters γ by contour id, then by "A" and "B": one per wavelet scale, or one for all."""
 SubcycleKey = tuple[str, str]
 """A subcycle of a contour: its id, and "A" or "B"."""
 LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
 """Rounds of `fit_key_frames`. They bring γ of the drawn dog within 6 % at any frame rate, from
 44 % without correction. With more rounds the cubics follow the noise of few frames."""
-LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys gets γ = 0
+LEAST_MOTION = 1e-5
+"""Body lengths, RMS over the contour: what moves less between the keys has its parent's γ.
+
+A γ is the bend of a course divided by its length; of a coordinate that hardly moves it is noise.
+"""
 
 
 @dataclass(frozen=True)
@@ -232,36 +237,62 @@ class Subcycle:
     end: Points
     scales: list[slice]  # the slice of each scale in the n coefficients
 
-    def gamma_fraction(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return numerator and denominator of the gait parameter γ that fits the frames best.
+    def gamma_fraction(self) -> tuple[Points, Points]:
+        """Return numerators and denominators (n, 2) of γ for each coordinate of a coefficient."""
+        samples = self.samples
+        return gamma_fraction(samples.tau, samples.coefficients, self.start, self.end)
 
-        scale: which coefficients count, by default all.
+    def fit_gammas(self, sharing: Sharing, least_motion: float) -> Points:
+        """Return the fitted gait parameters γ of whatever has one by `sharing`.
+
+        That is (1,) for the limb, (m,) for its m scales from coarse to fine, (n, 1) for its
+        coefficients, or (n, 2) for their x and y. least_motion: what moves no more than this (RMS
+        over the contour) from key to key, in the unit of the contours, has the γ of its parent, and
+        so has a γ beyond ±MOST_GAMMA. The parent of a coordinate is its coefficient, then its
+        scale, then the limb, whose own parent is 0.
         """
-        frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
-        return gamma_fraction(
-            self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
-        )
+        parts = *self.gamma_fraction(), (self.start - self.end) ** 2
+        least_square = least_motion**2 * len(self.start)
+        gammas = np.zeros(1)
+        for level in SHARINGS[: SHARINGS.index(sharing) + 1]:
+            if level == "coefficient":  # the parents are scales
+                gammas = np.repeat(gammas, [scale.stop - scale.start for scale in self.scales])
+                gammas = gammas[:, None]
+            numerator, denominator, square = (self._sum_sharers(part, level) for part in parts)
+            clear = (square > least_square) & (denominator > 0)
+            fitted = numerator / np.where(clear, denominator, np.inf)
+            gammas = np.where(clear & (np.abs(fitted) <= MOST_GAMMA), fitted, gammas)
+        return gammas
 
-    def fit_gammas(self, per_scale: bool, least_motion: float) -> tuple[float, ...]:
-        """Return the fitted gait parameters γ: one per scale, coarse to fine, or one for all.
+    def motion_shares(self, sharing: Sharing) -> Points:
+        """Return how far whatever has a γ moves between the keys, as a share of the contour's way.
 
-        least_motion: γ is 0 where points move no more than this (RMS) from key to key, in the unit
-        of the contours.
+        The result has the shape of `fit_gammas`. Its squares add up to 1, or to 0 at rest.
         """
-        gammas = []
-        for scale in self.scales if per_scale else [slice(None)]:
-            distance = np.linalg.norm(self.start[scale].ravel() - self.end[scale].ravel())
-            moves = distance > least_motion * np.sqrt(len(self.start))
-            gammas.append(gamma_from_fractions([self.gamma_fraction(scale)]) if moves else 0.0)
-        return tuple(gammas)
+        squares = (self.start - self.end) ** 2
+        total = max(float(squares.sum()), 1e-300)  # never divide by 0
+        return np.asarray(np.sqrt(self._sum_sharers(squares, sharing) / total))
+
+    def _sum_sharers(self, parts: Points, sharing: Sharing) -> Points:
+        """Return the sums of parts (n, 2), one per coordinate, over those that share a γ.
+
+        The result has the shape of `fit_gammas`.
+        """
+        if sharing == "coordinate":
+            return parts
+        sums = parts.sum(axis=1, keepdims=True)
+        if sharing == "coefficient":
+            return sums
+        starts = [scale.start for scale in self.scales] if sharing == "scale" else [0]
+        return np.add.reduceat(sums[:, 0], starts)
 
     def predict(self, tau: Points, gamma: Points) -> Points:
         """Return the wavelet coefficients (s, n, 2) that γ predicts at tau (s,).
 
-        tau: shares 0-1 of the subcycle's time; gamma: one for each coefficient, (n,), or (1,) for
-        all.
+        tau: shares 0-1 of the subcycle's time; gamma: of each coefficient, (n, 1), of each of its
+        coordinates, (n, 2), or of all, (1,).
         """
-        return self.end + start_share(tau[:, None], gamma)[..., None] * (self.start - self.end)
+        return self.end + start_share(tau[:, None, None], gamma) * (self.start - self.end)
 
     def smooth(self, tau: Points) -> Points:
         """Return the wavelet coefficients (s, n, 2) at tau (s,) of cubics that fit the frames best.
@@ -299,18 +330,9 @@ def build_subcycles(
     return subcycles
 
 
-def fit_all_gammas(
-    subcycles: Mapping[SubcycleKey, Subcycle], per_scale: bool, least_motion: float
-) -> Gammas:
-    """Return the fitted gait parameters γ by id, then by "A" and "B": one per scale or one for all.
-
-    least_motion: γ is 0 where points move no more than this (RMS) from key to key, in the unit of
-    the contours.
-    """
-    gammas: Gammas = {}
-    for (name, letter), subcycle in subcycles.items():
-        gammas.setdefault(name, {})[letter] = subcycle.fit_gammas(per_scale, least_motion)
-    return gammas
+def _nest_tuples(values: Points) -> tuple[Any, ...]:
+    """Return an array as nested tuples of plain numbers, as a `Gait` holds them."""
+    return tuple(tuple(row) if isinstance(row, list) else row for row in values.tolist())
 
 
 def fit_key_frames(
@@ -394,20 +416,24 @@ def fit_gait(
     split: float = 0.25,
     wavelet: str = "coif2",
     coarse: int = 4,
-    per_scale: bool = False,
+    sharing: Sharing = "limb",
 ) -> tuple[Gait, KeyFrames]:
     """Return the gait that fits the contours of a film, and its key frames.
 
     name: of the gait; split: phase of key 2, in cycles; wavelet, coarse: of the `Descriptor`;
-    per_scale: fit one γ for each scale instead of one for all. The γ of POOLED belongs to all
+    sharing: what has a γ of its own, see `Subcycle.fit_gammas`. The one γ of POOLED belongs to all
     contours together. `source`, `confidence` and `residuals` are not filled in. FinloopError if the
     film shows less than half a cycle, its phase does not rise, or it shows a contour in too few
     frames.
     """
     check_phases(film)
     keys, subcycles = fit_key_frames(film, split, Descriptor(wavelet, coarse))
-    gamma = fit_all_gammas(subcycles, per_scale, LEAST_MOTION * film.body_length)
-    gamma[POOLED] = {}
+    gamma: dict[str, dict[str, Any]] = {name: {} for name in (*film.contours, POOLED)}
+    motion: dict[str, dict[str, Any]] = {name: {} for name in film.contours}
+    for (limb, letter), subcycle in subcycles.items():
+        gammas = subcycle.fit_gammas(sharing, LEAST_MOTION * film.body_length)
+        gamma[limb][letter] = _nest_tuples(gammas)
+        motion[limb][letter] = _nest_tuples(subcycle.motion_shares(sharing))
     for letter in "AB":
         fractions = [subcycles[limb, letter].gamma_fraction() for limb in film.contours]
         gamma[POOLED][letter] = (gamma_from_fractions(fractions),)
@@ -416,6 +442,7 @@ def fit_gait(
         symmetry=film.symmetry,
         frequency_hz=frequency_hz,
         gamma=gamma,
+        motion={} if sharing == "limb" else motion,  # one γ needs no weight
         split=split,
         wavelet=wavelet,
         coarse=coarse,

@@ -3,8 +3,9 @@
 Glossary: *phase* 0…1 of a cycle; *keys* 1, 2, 1', 2' at phases 0, s, ½, ½ + s with s the *split*;
 *subcycles* A 1→2, B 2→1', C 1'→2', D 2'→1; *tau* 0…1 evenly within one; γ bends the clock f;
 *coarse* the number of coefficients in the approximation, at any number of points. So scale m means
-the same for contours of 64 and of 256 points, and γ per scale fits both. An open contour is
-mirrored: 2n points, 2 `coarse` coefficients in the approximation.
+the same for contours of 64 and of 256 points, and γ per scale fits both; γ per coefficient fits the
+number of points that it was fitted to. An open contour is mirrored: 2n points, 2 `coarse`
+coefficients in the approximation.
 
 Between the key frames c_from and c_to of a subcycle the model is
 
@@ -13,6 +14,9 @@ Between the key frames c_from and c_to of a subcycle the model is
 It is linear in γ, so least squares over frames y has a closed form:
 
     γ = −Σ τ(1 − τ) ⟨d, y − c_to − (1 − τ) d⟩ / Σ τ²(1 − τ)² ‖d‖²
+
+The inner products run over what shares a γ: a limb, a scale, a coefficient, or one coordinate of it
+(`gait.settings.Sharing`). c and d are wavelet coefficients, which the paper's f_m takes one by one.
 
 The second half repeats the first by symmetry. "swap", an animal from the side: 1' is 1 with the
 left and right limbs exchanged. "mirror", a fish from above: 1' is 1 reflected in the axis of the
@@ -23,10 +27,11 @@ belongs to A and B alone.
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from numpy.typing import ArrayLike
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from finloop.base.arrays import Ints, Points
 from finloop.base.errors import FinloopError
@@ -39,10 +44,14 @@ from finloop.curve.wavelet import (
     scale_slices,
     wavelet_transform,
 )
+from finloop.gait.settings import Sharing
 
 Symmetry = Literal["swap", "mirror"]
 SYMMETRIES: tuple[Symmetry, ...] = ("swap", "mirror")
+SHARINGS: tuple[Sharing, ...] = get_args(Sharing)
+"""From one γ a limb to one for each coordinate of a coefficient."""
 POOLED = "*"  # the id whose γ holds for contours that a gait does not name
+MOST_GAMMA = 1000.0  # beyond it γ is a typing error, or that of a coordinate that hardly moves
 DECIMALS = 6  # of a gait's record: far below what a film shows
 # For errors about a gait's record: what is wanted, and what to do.
 WANTED = "a gait as the stage `gait` writes it"
@@ -71,9 +80,31 @@ def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
     return spans
 
 
-# γ beyond ±1 makes a limb turn back; beyond ±1000 it is a typing error.
-Number = Annotated[float, Field(ge=-1000, le=1000)]
-Gammas = Annotated[tuple[Number, ...], Field(min_length=1)]
+def _check_coefficients(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    """Return γ by coefficient; ValueError unless there are a power of two, all of one length."""
+    if len({len(row) for row in rows}) > 1:
+        raise ValueError("one γ for some coefficients, and two, x and y, for others")
+    _check_power_of_two(len(rows))
+    return rows
+
+
+def _tag_gammas(values: Any) -> str:
+    """Return what γ in a gait's record are for: "coefficients" if they are lists, else "scales"."""
+    nested = isinstance(values, list | tuple) and values and isinstance(values[0], list | tuple)
+    return "coefficients" if nested else "scales"
+
+
+# γ beyond ±1 makes a limb turn back.
+Number = Annotated[float, Field(ge=-MOST_GAMMA, le=MOST_GAMMA)]
+ScaleGammas = Annotated[tuple[Number, ...], Field(min_length=1)]
+CoefficientGammas = Annotated[
+    tuple[Annotated[tuple[Number, ...], Field(min_length=1, max_length=2)], ...],
+    AfterValidator(_check_coefficients),
+]
+Gammas = Annotated[
+    Annotated[ScaleGammas, Tag("scales")] | Annotated[CoefficientGammas, Tag("coefficients")],
+    Discriminator(_tag_gammas),
+]
 Subcycles = Annotated[Mapping[Annotated[str, Field(pattern="^[AB]$")], Gammas], Field(min_length=2)]
 Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_check_spans)]
 
@@ -85,9 +116,10 @@ class Gait:
     name: Annotated[str, Field(min_length=1)]
     symmetry: Symmetry
     frequency_hz: Annotated[float, Field(gt=0, lt=1000)]
-    # by id (or POOLED), then by "A" and "B": one γ, or one for each scale from coarse to fine, as
-    # `curve.wavelet.scale_slices` has them with `coarse` coefficients in the approximation. The
-    # last γ holds for all finer scales
+    # by id (or POOLED), then by "A" and "B": one γ, [γ]; or one for each scale from coarse to fine,
+    # [γ, γ …], as `curve.wavelet.scale_slices` has them with `coarse` coefficients in the
+    # approximation, the last for all finer scales; or one for each coefficient, [[γ], [γ] …]; or
+    # one for each coordinate of each coefficient, [[γ of x, γ of y], …]
     gamma: Annotated[Mapping[str, Subcycles], Field(min_length=1)]
     split: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     wavelet: str = "coif2"
@@ -102,6 +134,27 @@ class Gait:
     frames: Annotated[int, Field(ge=0)] = 0
     # by clock: RMS distance of contours / body length, on frames held out of the fit
     residuals: Mapping[str, Number] = field(default_factory=dict)
+    # by id and subcycle, a number for each γ: how far what it is for moves between the keys, as a
+    # share of the contour's motion; the squares add up to 1. Weights for `limb_gamma`
+    motion: Mapping[str, Subcycles] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Raise ValueError unless `motion` has a number for each γ of its contours."""
+        for name, subcycles in self.motion.items():
+            for letter, values in subcycles.items():
+                gammas = self.gamma.get(name, {}).get(letter, ())
+                if np.shape(values) != np.shape(gammas):
+                    raise ValueError(f"motion.{name}.{letter} has not one number for each γ")
+
+    def limb_gamma(self, name: str, letter: str) -> float:
+        """Return one γ for a contour in a subcycle: the mean of its γ by energy of motion.
+
+        name, letter: the contour's id and "A" or "B". The weights are squares of `motion`; without
+        it all γ weigh alike. So the result is γ that least squares give for the whole limb.
+        """
+        gammas = np.array(self.gamma[name][letter])
+        weights = np.square(self.motion.get(name, {}).get(letter, np.zeros_like(gammas)))
+        return float(np.average(gammas, weights=weights if weights.any() else None))
 
     @property
     def descriptor(self) -> "Descriptor":
@@ -156,25 +209,28 @@ def start_share(tau: Points, gamma: float | Points) -> Points:
     return 1 - (1 + gamma) * tau + gamma * tau**2
 
 
-def gamma_fraction(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
-    """Return numerator and denominator of the gait parameter γ with which frames fit best.
+def gamma_fraction(
+    tau: Points, frames: Points, start: Points, end: Points
+) -> tuple[Points, Points]:
+    """Return numerators and denominators of the gait parameter γ with which coordinates fit best.
 
-    tau (s,): shares 0-1 of the subcycle's time; frames (s, k): coordinates at tau; start, end (k,):
-    coordinates of the key frames at both ends. Formula: see the top of `gait.model`.
+    tau (s,): shares 0-1 of the subcycle's time; frames (s, …): coordinates at tau; start, end (…):
+    coordinates of the key frames at both ends, whose shape both results have. Coordinates that
+    share a γ have that of their sums. Formula: see the top of `gait.model`.
     """
     change = start - end
     bow = tau * (1 - tau)  # f(τ) = (1 − τ) − γ bow
-    off_linear = (frames - end) @ change - (1 - tau) * float(change @ change)
-    return -float(bow @ off_linear), float(bow @ bow) * float(change @ change)
+    off_linear = np.tensordot(bow, frames - end, 1) - (bow @ (1 - tau)) * change
+    return -off_linear * change, (bow @ bow) * change**2
 
 
-def gamma_from_fractions(fractions: Iterable[tuple[float, float]]) -> float:
-    """Return the gait parameter γ that fits several sets of frames together.
+def gamma_from_fractions(fractions: Iterable[tuple[Points, Points]]) -> float:
+    """Return the one gait parameter γ that fits several sets of coordinates together.
 
-    fractions: numerator and denominator of each set, see `gamma_fraction`; both are summed, so
+    fractions: numerators and denominators of each set, see `gamma_fraction`; all are summed, so
     sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
     """
-    numerator, denominator = np.sum([*fractions], axis=0)
+    numerator, denominator = np.sum([[np.sum(a), np.sum(b)] for a, b in fractions], axis=0)
     return float(numerator / denominator) if denominator > 0 else 0.0
 
 
@@ -214,36 +270,47 @@ class Descriptor(NamedTuple):
         """Return a slice of n coefficients for each scale, from coarse to fine."""
         return scale_slices(n, self.count_levels(n, closed))
 
-    def spread_gammas(self, gammas: tuple[float, ...], n: int, closed: bool = True) -> Points:
-        """Return the gait parameter γ of each of n coefficients, (n,), from one per scale.
+    def spread_gammas(self, gammas: ArrayLike, n: int, closed: bool = True) -> Points:
+        """Return the gait parameter γ of each of n coefficients, (n, 1), or of x and y, (n, 2).
 
-        gammas: from coarse to fine; the last holds for all finer scales.
+        gammas: one of all, or one per scale from coarse to fine, the last for all finer scales; or
+        one per coefficient, (n, 1), or per coordinate, (n, 2), which are returned unchanged.
+        FinloopError if those are not n.
         """
-        spread = np.empty(n)
-        for number, scale in enumerate(self.scales(n, closed)):
-            spread[scale] = gammas[min(number, len(gammas) - 1)]
-        return spread
+        values = np.asarray(gammas, np.float64)
+        if values.ndim == 1:
+            spread = np.empty((n, 1))
+            for number, scale in enumerate(self.scales(n, closed)):
+                spread[scale] = values[min(number, len(values) - 1)]
+            return spread
+        if len(values) != n:
+            raise FinloopError(
+                f"γ for {len(values)} coefficients, and contours with {n}",
+                "contours with as many points as those that γ was fitted to",
+                "pool γ first: pool_gammas, as for another drawing",
+            )
+        return values
 
 
 def interpolate_contours(
     start: Points,
     end: Points,
     tau: Points,
-    gammas: tuple[float, ...],
+    gammas: ArrayLike,
     descriptor: Descriptor,
     closed: bool = True,
 ) -> Points:
     """Return the contours (frames, n, 2) between two key frames (n, 2) of a subcycle.
 
     tau (frames,): 0 at `start`, 1 at `end`. A contour is end + f(τ) (start − end), f =
-    `start_share`. gammas: one γ per wavelet scale, coarse to fine, or a single one; descriptor: how
-    contours become coefficients; closed: whether they are closed.
+    `start_share`. gammas: γ as in `Gait.gamma`; descriptor: how contours become coefficients;
+    closed: whether they are closed. FinloopError if γ are of another number of coefficients.
     """
-    if len(gammas) == 1:  # All coefficients, and so all points, move alike: no transform is needed.
-        return end + start_share(tau, gammas[0])[:, None, None] * (start - end)
+    tau, gamma = tau[:, None, None], np.asarray(gammas, np.float64)
+    if gamma.size == 1:  # All coefficients, and so all points, move alike: no transform is needed.
+        return end + start_share(tau, gamma.ravel()) * (start - end)
     difference = descriptor.coefficients(start - end, closed)
-    gamma = descriptor.spread_gammas(gammas, len(difference), closed)
-    shares = start_share(tau[:, None], gamma)[..., None]
+    shares = start_share(tau, descriptor.spread_gammas(gamma, len(difference), closed))
     return end + descriptor.contours(shares * difference, len(end), closed)
 
 
@@ -422,8 +489,9 @@ def contours_at_phases(
 
     key1, key2: key frames, contours (n, 2) by id; layout: where the second half of the cycle is
     placed; closed: by id, True if absent; control: to how many control points each contour is
-    reduced, a power of two, None = not. FinloopError if the keys do not match, or the number of
-    points is no power of two although there is a `control` or γ is per scale.
+    reduced, a power of two, None = not. FinloopError if the keys do not match, γ is per coefficient
+    of another number of points, or that number is no power of two although there is a `control` or
+    γ is per scale.
     """
     keys = four_key_frames(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)

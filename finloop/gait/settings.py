@@ -7,6 +7,9 @@ from pydantic import Field
 
 from finloop.base.settings import Positive
 
+Sharing = Literal["limb", "scale", "coefficient", "coordinate"]
+"""What has a γ of its own: a limb, a scale of it, a wavelet coefficient, or its x and y each."""
+
 
 @dataclass(frozen=True)
 class GaitSettings:
@@ -16,7 +19,7 @@ class GaitSettings:
     regions: str | None
     regions_rate_hz: Positive | None
     contour_points: Annotated[int, Field(ge=64, le=1024)]
-    gamma_per_scale: bool
+    gamma: Sharing
     level: Annotated[int, Field(ge=0, le=8)]
     wavelet: str
     walker_drawings: tuple[str, str]
@@ -37,7 +40,8 @@ class GaitSettings:
     size_px: ClassVar[int] = 512  # px, longer side of the films; the SVG has any size
     RENAMED: ClassVar = {
         "points": "contour_points",
-        "per_scale": "gamma_per_scale",
+        "per_scale": "gamma",
+        "gamma_per_scale": "gamma",
         "dog_1": "walker_drawings",
         "dog_2": "walker_drawings",
         "fish_1": "swimmer_drawings",

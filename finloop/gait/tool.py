@@ -23,7 +23,7 @@ from finloop.morph.match import Resolution
 
 SHIPPED = shipped_folder() / "data/gaits"
 RATE = Fraction(30)
-MOST_BYTES = 1_000_000  # of a gait's file
+MOST_BYTES = 10_000_000  # of a gait's file: γ per coordinate of ten limbs of 1024 points is 2 MB
 
 
 def main(arguments: list[str] | None = None, program: str = "python -m finloop.gait") -> int:

@@ -4,6 +4,9 @@ Keys 1 and 2 are drawings with the same ids; keys 1' and 2' follow by symmetry. 
 right limbs exchange their poses, so a limb and its partner should hang at the same place of the
 body. In a "mirror" the axis is the horizontal middle line of the picture.
 
+γ per coefficient stays with the contour that it was fitted to: a drawing begins its contours
+elsewhere, and moves other coefficients. So γ is pooled to one a limb, weighted by energy.
+
 Points of two poses correspond although parts turn, as limbs and tails do. A closed contour is
 renumbered so that it is most like the other contour, up to a turn. Contours are complex here,
 a = x + iy about their mean, and likeness is |z| + UPRIGHT · Re z with z = Σ a_i conj(b_i): |z| is
@@ -86,7 +89,7 @@ def animate_drawing(
         layout = HalfCycleLayout(middle=key1.height / 2, orders=orders)
     phases = np.arange(frames) / frames
     layers = contours_at_phases(
-        *keys, add_pooled_gamma(gait), phases, layout, closed=closed, control=control
+        *keys, pool_gammas(gait), phases, layout, closed=closed, control=control
     )
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}
@@ -116,18 +119,24 @@ def repeat_cycle(morph: Morph, cycles: int) -> Morph:
     return morph.take_frames(np.tile(np.arange(len(morph.tau)), cycles))
 
 
-def add_pooled_gamma(gait: Gait) -> Gait:
-    """Return the gait with a γ (gait parameter) for contours that it does not name: the mean γ.
+def pool_gammas(gait: Gait) -> Gait:
+    """Return a gait as it moves contours that it was not fitted to, of any number of points.
 
-    A gait that has such a γ already, or none at all, is returned unchanged.
+    A contour with γ per coefficient or coordinate gets one γ (`Gait.limb_gamma`); one with γ per
+    scale keeps them. Contours that the gait does not name have the γ of POOLED; if it has none,
+    that is the mean over its contours.
     """
-    if POOLED in gait.gamma or not gait.gamma:
-        return gait
-    pooled = {}
-    for letter in "AB":  # of the subcycles
-        means = [np.mean(gammas[letter]) for gammas in gait.gamma.values()]  # over the scales
-        pooled[letter] = (float(np.mean(means)),)
-    return replace(gait, gamma={**gait.gamma, POOLED: pooled})
+    gamma = dict(gait.gamma)
+    for name, subcycles in gait.gamma.items():
+        if any(np.ndim(gammas) > 1 for gammas in subcycles.values()):
+            gamma[name] = {letter: (gait.limb_gamma(name, letter),) for letter in subcycles}
+    if gamma and POOLED not in gamma:
+        pooled = {
+            letter: (float(np.mean([gait.limb_gamma(name, letter) for name in gait.gamma])),)
+            for letter in "AB"
+        }
+        gamma[POOLED] = pooled
+    return replace(gait, gamma=gamma, motion={})
 
 
 def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:

@@ -6,23 +6,29 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Points
 from finloop.base.stretches import spread_rows
 from finloop.gait.coarse import few_point_contours
-from finloop.gait.fit import GaitContours, KeyFrames, Subcycle, SubcycleKey
+from finloop.gait.fit import LEAST_MOTION, GaitContours, KeyFrames, Subcycle, SubcycleKey
 from finloop.gait.model import (
+    SHARINGS,
+    Descriptor,
     Gait,
     HalfCycleLayout,
     contours_at_phases,
     four_key_frames,
     start_share,
 )
+from finloop.gait.settings import Sharing
 
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#B0B0B0"
+MARKS = {"A": ("o", INKS[0]), "B": ("x", INKS[1])}  # of subcycles in Fig. 11, as in the paper
 KEY_NAMES = ("1", "2", "1'", "2'")
 _CONTROL = (4, 16, 64)  # control points of the rows of Fig. 14
 _COLUMNS = 6  # pictures per row
@@ -37,6 +43,8 @@ def draw_gait_figures(
 ) -> Iterator[tuple[str, Figure]]:  # fmt: skip
     """Yield Figs. 8 to 14 of the curve paper, each with its name, "fig8" to "fig14".
 
+    Of Fig. 11 there are four: "fig11" shows the one γ of each limb over time; "fig11_scale",
+    "fig11_coefficient" and "fig11_coordinate" show γ over the coefficients, by what shares a γ.
     film: contours with their phases. pictures: frames of the film with their phases; None = Fig. 8
     shows contours.
     """
@@ -44,6 +52,10 @@ def draw_gait_figures(
     yield "fig9", _figure9(gait, keys, film)
     yield "fig10", _figure10(film, keys, gait.split)
     yield "fig11", _figure11(subcycles)
+    for sharing in SHARINGS[1:]:
+        least_motion = LEAST_MOTION * film.body_length
+        figure = _figure11_gammas(subcycles, sharing, gait.descriptor, least_motion)
+        yield f"fig11_{sharing}", figure
     yield "fig12", _figure12(gait, keys, film)
     yield "fig13", _figure13(gait, keys, film)
     yield "fig14", _figure14(gait, keys, film)
@@ -177,15 +189,15 @@ def _figure11(subcycles: Mapping[SubcycleKey, Subcycle]) -> Figure:
         ax.axis("off")
     for ax, name in zip(axes, names, strict=False):
         ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
-        for letter, mark, ink in zip("AB", "ox", INKS, strict=False):
+        for letter, (mark, ink) in MARKS.items():
             subcycle = subcycles[name, letter]
             # Least squares: each frame, a sample, = end + f · (start − end).
             change = (subcycle.start - subcycle.end).ravel()
             samples = subcycle.samples
             remaining = (samples.coefficients - subcycle.end).reshape(len(samples.tau), -1)
             share = remaining @ change / max(float(change @ change), 1e-300)  # not 0 / 0 at rest
-            gamma = subcycle.fit_gammas(per_scale=False, least_motion=0.0)[0]
-            ax.plot(tau, start_share(tau, np.array(gamma)), color=ink, lw=1.2)
+            gamma = float(subcycle.fit_gammas("limb", least_motion=0.0)[0])
+            ax.plot(tau, start_share(tau, gamma), color=ink, lw=1.2)
             ax.plot(
                 samples.tau, share, mark, color=ink, ms=4.5, mfc="none",
                 label=f"{letter}: γ = {gamma:+.2f}",
@@ -194,6 +206,66 @@ def _figure11(subcycles: Mapping[SubcycleKey, Subcycle]) -> Figure:
         ax.legend(fontsize=7)
     figure.supxlabel("τ", fontsize=9)
     figure.supylabel("f(τ), 1 = the key it comes from", fontsize=9)
+    return figure
+
+
+def _figure11_gammas(
+    subcycles: Mapping[SubcycleKey, Subcycle],
+    sharing: Sharing,
+    descriptor: Descriptor,
+    least_motion: float,
+) -> Figure:
+    """Draw Fig. 11 for γ per scale, coefficient or coordinate: γ over the number of a coefficient.
+
+    'o' is subcycle A, 'x' B; the larger a mark, the farther its coefficient moves between the keys.
+    Scales lie between upright lines. Within the grey band, |γ| ≤ 1, f(τ) never turns back.
+    descriptor, least_motion: see `Subcycle.fit_gammas`.
+    """
+    names = list(dict.fromkeys(name for name, _ in subcycles))
+    coordinates = "xy" if sharing == "coordinate" else " "
+    panels = [(name, k) for name in names for k in range(len(coordinates))]
+    columns = min(4, len(panels))
+    rows = -(-len(panels) // columns)  # rounded up
+    figure = Figure(figsize=(max(7.0, 3.2 * columns), 2.7 * rows + 0.7), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for ax in axes[len(panels) :]:
+        ax.axis("off")
+    for ax, (name, k) in zip(axes, panels, strict=False):
+        ax.set_xscale("log", base=2)  # before the marks: they set the limits in this scale
+        ax.set_yscale("symlog", linthresh=1)
+        ax.axhspan(-1, 1, color=GREY, alpha=0.25, lw=0)
+        for scale in subcycles[name, "A"].scales[1:]:
+            ax.axvline(scale.start + 0.5, color=GREY, lw=0.7)
+        for letter, (mark, ink) in MARKS.items():
+            subcycle = subcycles[name, letter]
+            n = len(subcycle.start)
+            fitted = subcycle.fit_gammas(sharing, least_motion)
+            gammas = descriptor.spread_gammas(fitted, n)[:, k]
+            shown: Sharing = "coordinate" if sharing == "coordinate" else "coefficient"
+            shares = subcycle.motion_shares(shown)[:, k]
+            inks = [to_rgba(ink, alpha) for alpha in np.clip(0.25 + 15 * shares, 0, 1)]
+            face: dict[str, Any] = {"color": inks}
+            if mark == "o":
+                face = {"facecolors": "none", "edgecolors": inks}
+            sizes = 5 + 90 * shares
+            ax.scatter(np.arange(1, n + 1), gammas, sizes, marker=mark, linewidths=1, **face)
+            limb = float(subcycle.fit_gammas("limb", least_motion)[0])
+            ax.axhline(limb, color=ink, lw=0.8, ls="--")
+        ax.set_title(f"{name.replace('_', ' ')} {coordinates[k]}".strip(), fontsize=9)
+        ax.minorticks_off()
+        ax.xaxis.set_major_formatter("{x:.0f}")
+        ax.yaxis.set_major_formatter("{x:.0f}")
+    handles = [
+        Line2D([], [], color=ink, marker=mark, mfc="none", ls="--", label=letter)
+        for letter, (mark, ink) in MARKS.items()
+    ]
+    axes[0].legend(handles=handles, title="subcycle", fontsize=7, title_fontsize=7)
+    figure.suptitle(
+        "large marks move far between the keys, pale ones hardly; dashed: one γ for the limb; "
+        "grey band: no turning back", fontsize=8,
+    )  # fmt: skip
+    figure.supxlabel("number of the coefficient, coarse to fine", fontsize=9)
+    figure.supylabel(f"γ by {sharing}", fontsize=9)
     return figure
 
 
@@ -233,6 +305,7 @@ def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
         names.append(f"{control} points\n{rms_pct:.2g} % off")
     # The phases are written above the first of the three rows alone.
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * _COLUMNS)
+    names = [f"{control}\npoints" for control in _CONTROL]
     return _draw_sheet(rows, titles, names, title="solved at few control points")
 
 
@@ -299,11 +372,11 @@ def _draw_cells(
             ax.text(x, y, next(next_titles), ha="center", va="bottom", fontsize=7)
         if names:
             x, y = -0.06 * width, (row_number + 0.45) * height
-            ax.text(x, y, names[row_number], rotation=90, ha="right", va="center", fontsize=10)
+            ax.text(x, y, names[row_number], ha="right", va="center", fontsize=9)
     # Room for the names at the left, and for the titles above the rows.
     ax.set(
-        xlim=(-0.25 * width if names else 0, max(map(len, rows)) * width),
-        ylim=(len(rows) * height - 0.13 * width, -0.13 * width),
+        xlim=((-0.3 if names else -0.03) * width, max(map(len, rows)) * width),
+        ylim=(len(rows) * height - 0.1 * width, -0.13 * width),
     )
     ax.set_aspect("equal")
     ax.axis("off")

@@ -229,6 +229,9 @@ _GAIT = (
     ("fig10", "Fig. 10", "Subcycle A", "Key 1 dashed, key 2 solid, frames between dotted."),
     ("fig11", "Fig. 11", "The clock", "Progress within a subcycle against time: measured, and "
      "fitted by γ."),
+    *((f"fig11_{sharing}", "Fig. 11", f"γ per {sharing}", "γ over the number of the coefficient; "
+       "o is subcycle A, x subcycle B. In the grey band the motion never turns back.")
+      for sharing in ("scale", "coefficient", "coordinate")),
     ("fig12", "Fig. 12", "The synthesised cycle", "From key poses and γ."),
     ("fig13", "Fig. 13", "Subcycle A in detail", "More of its frames, synthesised."),
     ("fig14", "Fig. 14", "With few control points", "The cycle solved at 4, 16 and 64 of them, and "

@@ -274,7 +274,7 @@ HEADLINES = {
         Headline("limbs_confidence", "how periodic the motion is; 1 = entirely", HIGHER),
         Headline("limbs_rms_linear_pct", "motion left over by a linear fit", LOWER),
         Headline("limbs_rms_gamma_pct", "motion left over by the fit with gamma", LOWER),
-        Headline("limbs_rms_free_pct", "motion left over by free contours", LOWER),
+        Headline("limbs_rms_free_pct", "motion left over by the best shared clock", LOWER),
         Headline("dog_gamma_error_exact_pct", "error of gamma, exact contours", LOWER),
         Headline("dog_gamma_error_film_pct", "error of gamma, contours from film", LOWER),
         Headline("dog_contours_that_fold", "contours of the dog that fold", LOWER),
