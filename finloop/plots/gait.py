@@ -305,7 +305,6 @@ def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
         names.append(f"{control} points\n{rms_pct:.2g} % off")
     # The phases are written above the first of the three rows alone.
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * _COLUMNS)
-    names = [f"{control}\npoints" for control in _CONTROL]
     return _draw_sheet(rows, titles, names, title="solved at few control points")
 
 
