@@ -302,10 +302,11 @@ def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
         distances = np.stack([np.linalg.norm(few[name] - full[name], axis=-1) for name in full])
         rms_pct = 100 * np.sqrt((distances**2).mean()) / film.body_length
         rows += _arrange_poses(few)
-        names.append(f"{control} points\n{rms_pct:.2g} % off")
+        names.append(f"{control}\n{rms_pct:.2f} %")
     # The phases are written above the first of the three rows alone.
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * _COLUMNS)
-    return _draw_sheet(rows, titles, names, title="solved at few control points")
+    title = "solved at few control points; beside: their number, RMS error in % of body length"
+    return _draw_sheet(rows, titles, names, title)
 
 
 def _synthesize_contours(
