@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from benchmarks.horse import FOLDER, Axis, load_axes, svg_text, trace_parts
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, signed_area
-from finloop.gait.limbs import check_traced_contour, region_contour
+from finloop.gait.limbs import check_traced_contour, limb_contours, region_contour
 from finloop.gait.model import opposite_limb
 from finloop.io.regions import load_regions
 from finloop.io.svg import load_svg
@@ -96,6 +96,14 @@ def test_legs_land_in_the_order_of_a_gallop_on_the_right_lead(joints):
         "fore_left",
         "fore_right",
     ]
+
+
+def test_points_of_a_leg_stay_on_their_place_as_it_folds(outlines, joints):
+    limbs = limb_contours(outlines.frames, 128)
+    for leg, places in joints.items():
+        hoof = places[:, -1] - limbs.course
+        nearest = np.linalg.norm(limbs.points[leg] - hoof[:, None], axis=2).argmin(axis=1)
+        assert np.ptp(nearest) <= 12  # of 128; upside down it would be 64
 
 
 # --- the tool
