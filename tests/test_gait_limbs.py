@@ -92,6 +92,22 @@ def test_a_contour_the_other_way_round_and_a_gap_change_nothing_else():
     assert found[rest] == pytest.approx(there[rest], abs=0.3)
 
 
+def test_a_leg_that_swings_far_is_never_taken_upside_down():
+    # Its ends look alike, and it bends either way: upside down it fits best where it bends back.
+    t = 2 * np.pi * np.arange(400) / 400
+    given, feet = [], []
+    for k in range(15):
+        swing = np.pi / 2 - 1.13 * np.cos(2 * np.pi * k / 15)
+        bend = 0.01 * np.sin(2 * np.pi * k / 15)
+        leg = 30 * np.cos(t) + 1j * (7 * np.sin(t) + bend * (30 * np.cos(t)) ** 2)
+        leg = np.append(leg, 0) * np.exp(1j * swing)
+        given.append(Curve(np.column_stack([leg[:-1].real, leg[:-1].imag]), True))
+        feet.append([leg[0].real, leg[0].imag])
+    found = match_contours(given, 64)
+    foot = np.linalg.norm(found - np.array(feet)[:, None], axis=2).argmin(axis=1)
+    assert np.ptp(foot) <= 8
+
+
 def test_points_do_not_drift_in_a_long_film():
     # Twenty turns of a shape that swells and shrinks: the last as the first.
     given = [

@@ -166,21 +166,24 @@ def _find_hips(contours: Complex) -> Ints:
     """Return the number (frames,) of the point in each contour that is the top of the mean shape.
 
     contours (frames, m): points x + iy, y down, clockwise. The mean shape lies on a contour as it
-    fits best, turned and moved: with the greatest |Σ a̅ b| of centred contours a, b, by FFT.
+    fits best, turned and moved: with the greatest |Σ a̅ b| of centred contours a, b, by FFT. No
+    turn is more than 90° from the mean turn, as many limbs look much the same upside down.
     """
     centred = contours - contours.mean(axis=1, keepdims=True)
     spectra = np.fft.fft(centred, axis=1)
     # The mean shape depends on the starts, which contour point lies on its point 0, and these on
     # it: they are found in turn, beginning with the first contour as the mean.
     mean_shape = centred[0]
+    # The first limb, turned by this, hangs straight down from its top: i points down.
+    mean_turn = -1j / complex(mean_shape[mean_shape.imag.argmin()])
     for _ in range(ROUNDS):
         fits = np.fft.ifft(spectra * np.fft.fft(mean_shape).conj(), axis=1)
-        starts = np.abs(fits).argmax(axis=1)
-        aligned = [
-            np.roll(contour, -start) * np.exp(-1j * np.angle(fit[start]))
-            for contour, start, fit in zip(centred, starts, fits, strict=True)
-        ]
-        mean_shape = np.stack(aligned).mean(axis=0)
+        upright = (fits * mean_turn.conjugate()).real > 0
+        starts = np.where(upright, np.abs(fits), 0).argmax(axis=1)
+        turns = np.exp(1j * np.angle([fit[s] for fit, s in zip(fits, starts, strict=True)]))
+        rings = [np.roll(ring, -start) for ring, start in zip(centred, starts, strict=True)]
+        mean_shape = (np.stack(rings) / turns[:, None]).mean(axis=0)
+        mean_turn = complex(turns.mean())
     return (starts + int(mean_shape.imag.argmin())) % contours.shape[1]
 
 
