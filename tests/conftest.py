@@ -25,6 +25,10 @@ from matplotlib.figure import Figure
 if TYPE_CHECKING:
     from tiny_run import TinyRun
 
+# PyTorch imports Triton where it is installed. Triton and the software renderer of the tank bring an
+# LLVM each, and a process that has loaded one crashes on the other. No stage loads both.
+sys.modules.setdefault("triton", None)  # type: ignore[arg-type]
+
 ROOT = Path(__file__).parents[1]
 OUTPUTS = ("data", "reports")
 # Processes are forked from a server, which imports their work wherever a test has started it.
