@@ -129,7 +129,7 @@ def solve_motion(
     FinloopError if the problem or the method's settings are invalid; the message names them.
     """
     options = options or SolverOptions()
-    problem = _convert_problem(problem, method)
+    problem = check_problem(problem, method)
     if level:
         coarse = solve_motion(_coarsen_problem(problem, level), method, options)
         shapes = np.stack([coarse.displacement, coarse.velocity])
@@ -159,7 +159,7 @@ def _coarsen_problem(problem: Problem, level: int) -> Problem:
     return replace(problem, rest=rest, displacement=u, velocity=v, force=force)
 
 
-def _convert_problem(problem: Problem, method: str) -> Problem:
+def check_problem(problem: Problem, method: str = "modal") -> Problem:
     """Return a problem with its fields as arrays; FinloopError if the method cannot solve it."""
     material = problem.material
     rest, u, times = (
@@ -340,15 +340,26 @@ class Basis(NamedTuple):
     k: Floats
 
 
-def _solve_modal(problem: Problem) -> Trajectory:
-    """Return the exact motion, by a Fourier transform, which makes the circulant K diagonal."""
+def fourier_basis(problem: Problem) -> Basis:
+    """Return the Fourier basis of a curve's points, which makes the circulant K diagonal."""
     n = len(problem.rest)
-    basis = Basis(
+    return Basis(
         transform=lambda points: np.fft.rfft(points, axis=0),
         inverse=lambda modes: np.fft.irfft(modes, n, axis=-2),
         k=stiffness_eigenvalues(problem.wavelet, n, problem.material.elastic),
     )
-    return _solve_in_basis(basis, problem)
+
+
+def curve_oscillators(basis: Basis, material: Material) -> Oscillators:
+    """Return the oscillators of a curve: one for each coefficient of a basis."""
+    mass = material.density or 1.0  # without mass, mass_damping multiplies I, see `Material`
+    damping = material.mass_damping * mass + material.stiffness_damping * basis.k
+    return Oscillators(material.density, damping, basis.k)
+
+
+def _solve_modal(problem: Problem) -> Trajectory:
+    """Return the exact motion, in the Fourier basis."""
+    return _solve_in_basis(fourier_basis(problem), problem)
 
 
 def _solve_decoupled(problem: Problem, options: SolverOptions) -> Trajectory:
@@ -364,10 +375,8 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Trajectory:
 
 def _solve_in_basis(basis: Basis, problem: Problem) -> Trajectory:
     """Return the motion of a curve: one independent oscillator for each coefficient of a basis."""
-    material, (u, v) = problem.material, problem.state_at_start()
-    mass = material.density or 1.0  # without mass, mass_damping multiplies I, see `Material`
-    damping = material.mass_damping * mass + material.stiffness_damping * basis.k
-    oscillators = Oscillators(material.density, damping, basis.k)
+    u, v = problem.state_at_start()
+    oscillators = curve_oscillators(basis, problem.material)
     force = None if problem.force is None else basis.transform(problem.force_on_points())
     elapsed = problem.times - problem.times[0]
     places, speeds = oscillator_motion(
