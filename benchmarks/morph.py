@@ -3,8 +3,8 @@
 `python -m benchmarks.morph` prints the table and writes benchmarks/morph.csv, for 256 points and 60
 frames in between: the exact share of pairs with only strictly simple frames; the time per pair on
 one core; the vertices' path length, relative to the linear morph. The figures of other tools are
-earlier measurements on 276 such pairs. Regions are 300 random pairs of glyphs of three fonts, with
-holes in at least one of both; they need as many separate parts, so that an i goes with a j.
+earlier measurements on 276 such pairs. Regions are 300 random pairs of glyphs of three fonts
+that are in one piece, with holes in one of them at least.
 """
 
 from functools import partial

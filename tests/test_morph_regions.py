@@ -17,6 +17,7 @@ from finloop.morph.regions import split_regions
 from finloop.morph.simple import morph_regions_without_folds
 
 SQUARE = np.array([[0, 0], [10, 0], [10, 10], [0, 10]], float)
+ANGLE = np.linspace(0, 2 * np.pi, 60, endpoint=False)
 POINTS = 64
 
 
@@ -50,10 +51,9 @@ def test_a_hole_that_leaves_between_two_poses_is_found():
     layout = ContourLayout((4, 4))
     assert not count_contour_folds(poses, layout).any()
     assert not contours_stay_simple(poses, layout)
+    assert not contours_stay_simple(poses[[0, 1, 0]], layout)  # it leaves, and comes back
     stays = np.stack([np.concatenate([SQUARE, hole]) for hole in (inside, inside + 1)])
-    assert contours_stay_simple(stays, layout) and not contours_stay_simple(
-        stays[::-1] * [1, 0], layout
-    )
+    assert contours_stay_simple(stays, layout)
 
 
 # --- letters
@@ -108,11 +108,48 @@ def test_dot_goes_to_dot_and_separate_parts_must_be_as_many():
     stack, layout = morph_of("i", "j")
     assert not count_contour_folds(stack, layout).any()
     with pytest.raises(
-        FinloopError, match="2 separate parts in the first drawing, 1 in the second"
+        FinloopError, match="separate parts: 2 in the first drawing, 1 in the second"
     ):
         morph_of("i", "X")
-    with pytest.raises(FinloopError, match="open contour"):
-        morph_regions_without_folds([Curve(SQUARE, False)], [Curve(SQUARE, True)], 5, POINTS)
+
+
+@pytest.mark.parametrize(
+    ("contours", "said"),
+    [
+        ([], "without any"),
+        ([Curve(SQUARE, False)], "open contour"),
+        ([Curve(SQUARE, True), Curve(SQUARE * [1, 0] + 3, True)], "no area"),
+        ([Curve(SQUARE, True), Curve(SQUARE, True)], "contours meet"),
+        ([Curve(SQUARE, True), Curve(SQUARE / 2, True)], "contours meet"),  # touches from inside
+        ([Curve(SQUARE, True), Curve(SQUARE + 5, True)], "contours meet"),
+    ],
+)
+def test_contours_that_are_no_region_are_refused(contours, said):
+    with pytest.raises(FinloopError, match=said):
+        morph_regions_without_folds(contours, [Curve(SQUARE, True)], 5, POINTS)
+
+
+def test_a_layout_that_does_not_fit_its_contours_is_refused():
+    for sizes in ((4, 4), (2, 2), ()):
+        with pytest.raises(FinloopError, match="polygons of shape"):
+            count_contour_folds(SQUARE, ContourLayout(sizes))
+
+
+def test_a_hole_finds_room_in_a_thin_line_and_a_winding_one_becomes_round():
+    """A thin C has no place for a hole at most spots; a spiral hole is small from the beginning."""
+    angle = np.linspace(0.3, 2 * np.pi - 0.3, 90)
+    arc = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    thin = Curve(np.concatenate([50 * arc, 48 * arc[::-1]]), True)
+    disc = Curve(60 * np.stack([np.cos(ANGLE), np.sin(ANGLE)], 1), True)
+    stacks = morph_regions_without_folds([disc, Curve(SQUARE, True)], [thin], 8, 256)
+    layout = ContourLayout((256, 256))
+    assert not count_contour_folds(np.concatenate(stacks, axis=1), layout).any()
+    assert skimage.measure.points_in_poly(stacks[1][-1], stacks[0][-1]).all()
+    turns = np.linspace(np.pi, 5 * np.pi, 60)
+    spiral = turns[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    winding = Curve(0.1 * np.concatenate([spiral, 0.9 * spiral[::-1]]), True)
+    stacks = morph_regions_without_folds([disc, winding], glyph_outlines("D"), 8, 256)
+    assert not count_contour_folds(np.concatenate(stacks, axis=1), layout).any()
 
 
 # --- drawings

@@ -79,9 +79,11 @@ class Morph:
     # (f, n, 2) by id, in drawing order; in units of the first drawing, rounded to `decimals`
     layers: dict[str, Points]
     closed: dict[str, bool]  # by id
-    folds: dict[str, Ints]  # (f,) by id: pairs of edges that cross; 0 = the contour is simple
-    # by id: whether the contour is proved simple between the frames too, where its points move
-    # straight from each frame to the next
+    # (f,) by id: pairs of edges that cross; the first contour of a shape has the crossings of its
+    # contours, too
+    folds: dict[str, Ints]
+    # by id: whether it is proved that no contour of the shape crosses itself or another one between
+    # the frames either, where points move straight from each frame to the next
     continuous: dict[str, bool]
     styles: dict[str, str]  # by id; some may lack one
     width: float  # of the picture

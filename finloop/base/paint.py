@@ -27,6 +27,12 @@ _SHIFT = 6  # bits of a coordinate's fraction in OpenCV
 Colour = tuple[int, int, int]
 
 
+def shape_of(layer: str) -> str:
+    """Return the shape that a layer belongs to: `d` for `d` and `d#2`."""
+    name, mark, number = layer.rpartition(PART)
+    return name if mark and name and number.isdecimal() else layer
+
+
 @dataclass(frozen=True)
 class Paint:
     """How a shape is painted: colours are RGB 0 … 255, or None where nothing is painted."""
@@ -87,7 +93,7 @@ def group_contours(
     """
     layers_of_shape = dict[str, list[str]]()
     for layer in closed:
-        layers_of_shape.setdefault(layer.partition(PART)[0], []).append(layer)
+        layers_of_shape.setdefault(shape_of(layer), []).append(layer)
     shapes = []
     for name, layers in layers_of_shape.items():
         layers_closed = tuple(closed[layer] for layer in layers)

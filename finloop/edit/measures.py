@@ -36,9 +36,10 @@ def picture_kinds(edit: pd.DataFrame) -> pd.Series:
 def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
     """Return the percentage of ticks that show each of `SHOWN`, and the number of switches.
 
-    Keys: shown_<name>_pct; film_pct: frames, as filmed, bent or mirrored; stuck_pct: turning on the
-    spot because every candidate leaves the tank; switches: between sprites and film;
-    switches_without_gateway: those not through a gateway, a sprite and a frame that are alike.
+    Keys: shown_<name>_pct; film_pct: frames, as filmed, bent or mirrored; stuck_pct: time on the
+    spot, as no candidate stays in the tank, or to turn to the goal first; switches: between sprites
+    and film; switches_without_gateway: those not through a gateway, a sprite and a frame that are
+    alike.
     """
     names, is_frame = picture_kinds(edit), (edit["kind"] == FRAME).to_numpy()
     switched = np.append(False, is_frame[1:] != is_frame[:-1])

@@ -90,8 +90,9 @@ that it leads to (Fig. 11). `candidates` counts the rows that could have been sh
 the stretch was planned before; the next columns count those that fail each test of Fig. 19. For a
 turn: `turn_deg` wanted (+ = left), the motion area of the strongest sprite, and `room`, the share
 of the film's displacement for which the tank has room. For a phase: the `film_speed` at which the
-film's began. In `matching`: the cost of the chosen candidate, term by term (`taken_seam_s` …), and
-that of the cheapest other one (`other_seam_s` …; empty where none led on)."""
+film's began. In `matching`: the cost of the chosen candidate, term by term (`taken_seam_s` …), or
+of a turn on the spot and what follows it; and that of the cheapest other candidate (`other_seam_s`
+…; empty where none led on)."""
 
 WHY = EDIT.names[EDIT.names.index("reason") :]
 """The columns that say why."""

@@ -37,8 +37,8 @@ class Decision(NamedTuple):
 
     reason: a code of `REASONS`; exit: of `EXITS`, "" where the fish does not leave the film.
     Numbers that a reason does not have are NaN, counts and quadrant 0. taken_terms: seconds that
-    the chosen candidate costs, by `TERMS`; other_terms: the cheapest other one; () where there is
-    none.
+    the chosen candidate costs, by `TERMS`, or a turn on the spot and what follows it; other_terms:
+    the cheapest other candidate; () where there is none.
     """
 
     reason: str

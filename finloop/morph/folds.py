@@ -95,7 +95,7 @@ def stays_simple(poses: Reals, closed: bool = True) -> bool:
 def contours_stay_simple(poses: Reals, layout: ContourLayout) -> bool:
     """Return whether contours never meet that move straight from pose to pose (k, n, 2).
 
-    Neither does one meet itself. True is a proof, as of `stays_simple`.
+    Neither does one meet itself. True is a proof, as in `stays_simple`.
     """
     poses = _check_contours(poses, layout)
     if count_folds_unchecked(poses[0], layout.following, first_only=True):
@@ -113,7 +113,8 @@ def _check_contours(points: Reals, layout: ContourLayout) -> Floats:
     polygons: Floats = np.ascontiguousarray(points, np.float64)
     polygons = polygons[None] if polygons.ndim == 2 else polygons
     least = 2 + layout.closed
-    if polygons.ndim != 3 or polygons.shape[2] != 2 or min(layout.sizes) < least:
+    fits = polygons.ndim == 3 and polygons.shape[1:] == (sum(layout.sizes), 2)
+    if not fits or min(layout.sizes, default=0) < least:
         raise FinloopError(
             f"polygons of shape {polygons.shape}",
             f"(frames, points, 2) with at least {least} points",

@@ -1,6 +1,6 @@
 """Morphs of drawings in layers (curve paper §4.1, Figs. 4, 5): a face is outline, eyes, mouth.
 
-Contours of the same id form a pair. Coordinates are rounded before folds are counted, so the counts
+Shapes of the same id form a pair. Coordinates are rounded before folds are counted, so the counts
 hold for the coordinates in the files. Two of the paper's methods are here, linear (Eq. 4.1, Fig. 4)
 and physical (Fig. 5); neither avoids folds.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from finloop.base.arrays import Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import PART
+from finloop.base.paint import PART, shape_of
 from finloop.curve.contour import Curve
 from finloop.curve.dynamics import Material, Problem, solve_motion
 from finloop.curve.wavelet import close_by_mirroring
@@ -59,9 +59,10 @@ def morph_drawings(
 ) -> Morph:
     """Return the morph of drawing `a` into drawing `b`, which is fitted into the picture of `a`.
 
-    a, b: with the same ids, each contour closed in both or open in both. method: one of METHODS;
-    `fold_free` keeps every contour free of folds. frames: their number, at least 2, both ends
-    included. points: of every contour, at least 8; a power of two for `physical`, and with a level.
+    a, b: with the same ids, each contour closed in both or open in both; with `fold_free`, a shape
+    may have other holes in b. method: one of METHODS; `fold_free` keeps every contour free of
+    folds, and every region free of crossings. frames: their number, at least 2, both ends included.
+    points: of every contour, at least 8; a power of two for `physical`, and with a level.
     resolution: of every contour, also in both ends. physics: settings of the physical morph.
     FinloopError if the drawings do not match, a number is out of range, or the method cannot morph
     a contour, which the message names.
@@ -83,13 +84,13 @@ def morph_drawings(
     }
     layers: dict[str, Points] = {}
     for name, curve in a.curves.items():
-        shape = name.partition(PART)[0]
+        shape = shape_of(name)
         if shape not in regions:
             layers[name] = _morph_contour(name, curve, b.curves[name], side, morph_pair[method])
         elif shape not in layers:  # all contours of a region at its first one
             names_a, names_b = regions[shape]
             stacks = _morph_region(
-                shape, [a.curves[own] for own in names_a], [b.curves[own] for own in names_b],
+                shape, [a.curves[part] for part in names_a], [b.curves[part] for part in names_b],
                 side, frames, points, resolution,
             )  # fmt: skip
             layers |= {
@@ -156,7 +157,7 @@ def _contours_by_shape(names: Iterable[str]) -> dict[str, list[str]]:
     """Return the ids of contours by the shape, such as one path, that they belong to."""
     shapes: dict[str, list[str]] = {}
     for name in names:
-        shapes.setdefault(name.partition(PART)[0], []).append(name)
+        shapes.setdefault(shape_of(name), []).append(name)
     return shapes
 
 
@@ -172,13 +173,16 @@ def _count_crossings(
     """Return how often the contours of a shape meet each other in every frame (f,).
 
     names: ids of the contours. layers, folds, closed: contours (f, n, 2), their own folds (f,), and
-    whether they are closed, by id. 0 for a shape with an open contour: its lines may cross.
+    whether they are closed, by id. 0 for a shape with an open contour, whose lines may cross, and
+    for one whose contours cross in the first or last frame: it is drawn so.
     """
     if len(names) == 1 or not all(closed[name] for name in names):
         return np.zeros_like(folds[names[0]])
     stacks = [layers[name] for name in names]
     together = count_contour_folds(np.concatenate(stacks, axis=1), _layout(stacks))
-    return together - np.sum([folds[name] for name in names], axis=0)
+    crossings = together - np.sum([folds[name] for name in names], axis=0)
+    is_drawn = crossings[0] or crossings[-1]  # contours that cross in a drawing may cross
+    return np.zeros_like(crossings) if is_drawn else crossings
 
 
 def _region_names(a: Drawing, b: Drawing) -> dict[str, tuple[list[str], list[str]]]:
@@ -209,8 +213,8 @@ def _morph_region(
 ) -> list[Points]:  # fmt: skip
     """Return the frames (frames, points, 2) of each contour of a shape.
 
-    shape: its id, for error messages; side: longer side of the picture. FinloopError as of
-    `morph_regions_without_folds`, or if a contour leaves the picture far behind.
+    shape: its id, for error messages; side: longer side of the picture. FinloopError as in
+    `morph_regions_without_folds`, or if a contour reaches farther than REACH sides.
     """
     try:
         stacks = morph_regions_without_folds(a, b, frames, points, resolution)

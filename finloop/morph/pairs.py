@@ -17,7 +17,7 @@ import yaml
 from finloop.base.arrays import Points
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
-from finloop.base.paint import PART
+from finloop.base.paint import PART, shape_of
 from finloop.curve.contour import Curve, resample_curve
 from finloop.morph.match import match_curves
 
@@ -117,7 +117,7 @@ def shape_contours(drawing: Drawing) -> dict[str, list[Curve]]:
     """Return the contours of each shape of a drawing by id, in drawing order."""
     shapes: dict[str, list[Curve]] = {}
     for name, curve in drawing.curves.items():
-        shapes.setdefault(name.partition(PART)[0], []).append(curve)
+        shapes.setdefault(shape_of(name), []).append(curve)
     return shapes
 
 
@@ -183,10 +183,8 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
                 for number, curve in enumerate(contours, start=1)
             })  # fmt: skip
     styles = {
-        f"{names[shape]}{mark}{number}": style
-        for shape, mark, number, style in (
-            (*name.partition(PART), style) for name, style in b.styles.items()
-        )
+        names[shape_of(name)] + name.removeprefix(shape_of(name)): style
+        for name, style in b.styles.items()
     }
     return replace(a, curves=curves[0]), replace(b, curves=curves[1], styles=styles)
 

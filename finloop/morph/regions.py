@@ -11,18 +11,22 @@ import numpy as np
 import scipy
 import skimage.measure
 
-from finloop.base.arrays import Floats, Points
+from finloop.base.arrays import Floats, Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve, signed_area
+from finloop.morph.folds import ContourLayout, count_contour_folds
 from finloop.morph.match import FULL, Resolution, match_curves
 
 SMALL = 1e-3
 """Area, as a share of that within the outer contour, to which holes shrink: they have room there
 whatever the shape around them."""
+FLAT = 1e-9  # area of a contour, as a share of its extent squared, that counts as none
 POINT = 1e-6  # area, likewise, of a hole that grows from a point: less than a pixel
 CLEAR = 3.0  # radii of a small hole: distance that it keeps from other contours
 ROUNDS = 8  # of moving holes that are too near to another contour
-GRID = 48  # places along each side of a region, of which one is chosen for a new hole
+LINES, SHARES = 64, (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Lines across a region, and places on each of their stretches inside: one becomes a new hole."""
+FEW = 256  # points of a contour to which the distance of a place is measured
 
 
 class Region(NamedTuple):
@@ -36,12 +40,10 @@ def split_regions(contours: Sequence[Curve]) -> list[Region]:
     """Return the regions that closed contours make, the largest first.
 
     By the even-odd rule a contour within an odd number of others is a hole, of the smallest region
-    around it; any other one begins a region. FinloopError if a contour is open.
+    around it; any other one begins a region. FinloopError if there is no contour, or one of them is
+    open, has no area, meets itself or another one.
     """
-    if not all(curve.closed for curve in contours):
-        raise FinloopError(
-            "a region with an open contour", "closed contours", "close them (Z), or part the path"
-        )
+    _require_apart(contours)
     regions: list[Region] = []
     for curve in sorted(contours, key=lambda curve: -abs(signed_area(curve))):
         around = [
@@ -59,6 +61,29 @@ def split_regions(contours: Sequence[Curve]) -> list[Region]:
     return regions
 
 
+def _require_apart(contours: Sequence[Curve]) -> None:
+    """Raise FinloopError unless contours are closed, have an area, and meet nowhere."""
+    own = "a path and an id of its own"
+    if not contours or not all(curve.closed for curve in contours):
+        raise FinloopError(
+            "a region with an open contour, or without any",
+            "closed contours",
+            f"close them (Z), or give each {own}",
+        )
+    if any(abs(signed_area(curve)) <= FLAT * np.ptp(curve.points, axis=0).max() ** 2
+           for curve in contours):  # fmt: skip
+        raise FinloopError(
+            "a region with a contour that has no area", "contours with an area", f"give it {own}"
+        )
+    layout = ContourLayout(tuple(len(curve.points) for curve in contours))
+    if count_contour_folds(np.concatenate([curve.points for curve in contours]), layout)[0]:
+        raise FinloopError(
+            "a region whose contours meet each other or themselves",
+            "contours that are apart",
+            f"correct the drawing, give each contour {own}, or use the method linear",
+        )
+
+
 def pair_regions(a: Sequence[Curve], b: Sequence[Curve]) -> list[tuple[Region, Region]]:
     """Return the regions of two shapes in pairs, such as the dots and stems of i and j.
 
@@ -68,7 +93,7 @@ def pair_regions(a: Sequence[Curve], b: Sequence[Curve]) -> list[tuple[Region, R
     first, second = split_regions(a), split_regions(b)
     if len(first) != len(second):
         raise FinloopError(
-            f"{len(first)} separate parts in the first drawing, {len(second)} in the second",
+            f"separate parts: {len(first)} in the first drawing, {len(second)} in the second",
             "as many in both",
             "give each part a path and an id of its own",
         )
@@ -121,7 +146,7 @@ def _nearest_pairs(places: Points, other_places: Points) -> list[tuple[int, int]
 def _place_in_box(point: Points, outer: Points) -> Points:
     """Return a point (2,) in shares of the bounding box of a contour (n, 2)."""
     low = outer.min(axis=0)
-    return np.asarray((point - low) / (outer.max(axis=0) - low))
+    return np.asarray((point - low) / np.maximum(np.ptp(outer, axis=0), 1e-300))
 
 
 def _new_hole(hole: Points, place: Points, contours: Sequence[Points]) -> Points:
@@ -136,35 +161,56 @@ def _new_hole(hole: Points, place: Points, contours: Sequence[Points]) -> Points
     small = (hole - middle) * np.sqrt(area / abs(signed_area(Curve(hole, closed=True))))
     # It needs room for the size of other small holes, as it has theirs for a part of the way.
     room = 2 * CLEAR * float(np.hypot(*small.T).max()) * np.sqrt(SMALL / POINT)
+    places = _places_inside(contours)
+    few = [contour[:: max(1, len(contour) // FEW)] for contour in contours]
+    clearance = np.min([_nearest_points(places, contour)[0] for contour in few], axis=0)
+    has_room = clearance >= min(room, clearance.max() / 2)
     low, high = outer.min(axis=0), outer.max(axis=0)
-    shares = (np.arange(GRID) + 0.5) / GRID
-    grid = low + np.stack(np.meshgrid(shares, shares), axis=-1).reshape(-1, 2) * (high - low)
-    inside = _is_inside(grid, outer)
-    clearance = np.full(len(grid), np.inf)
-    for contour in contours:
-        clearance = np.minimum(clearance, _nearest_points(grid, contour)[0])
-    for other in contours[1:]:
-        inside &= ~_is_inside(grid, other)
-    clearance[~inside] = -np.inf
-    has_room = clearance > min(room, clearance.max() / 2)
-    far = np.hypot(*(grid - low - place * (high - low)).T)
-    return np.asarray(grid[np.where(has_room, far, np.inf).argmin()] + small)
+    far = np.hypot(*(places - low - place * (high - low)).T)
+    return np.asarray(places[np.where(has_room, far, np.inf).argmin()] + small)
+
+
+def _places_inside(contours: Sequence[Points]) -> Points:
+    """Return places (k, 2) inside a region, on lines across it.
+
+    contours (n, 2): of the region, the outer one first.
+    """
+    low, high = contours[0].min(axis=0), contours[0].max(axis=0)
+    places = []
+    for y in low[1] + (np.arange(LINES) + 0.5) / LINES * (high[1] - low[1]):
+        crossings = []
+        for contour in contours:
+            after = np.roll(contour, -1, axis=0)
+            (x0, y0), (x1, y1) = contour.T, after.T
+            crosses = (y0 <= y) != (y1 <= y)
+            share = (y - y0[crosses]) / (y1[crosses] - y0[crosses])
+            crossings.append(x0[crosses] + share * (x1[crosses] - x0[crosses]))
+        left, right = np.sort(np.concatenate(crossings)).reshape(-1, 2).T
+        x = left + np.array(SHARES)[:, None] * (right - left)
+        places.append(np.stack([x.ravel(), np.full(x.size, y)], axis=1))
+    return np.concatenate(places)
 
 
 def move_holes_inside(pose: Points, outer: slice, holes: Sequence[slice]) -> None:
     """Move the small holes of a pose (n, 2) away from other contours that are too near, in place.
 
-    A hole is small if it has at most about SMALL of the outer contour's area; it keeps CLEAR of its
-    radii away from the outer contour and the other holes. outer, holes: slices of the contours.
+    A hole is small if it has at most about SMALL of the outer contour's area. It keeps CLEAR radii,
+    those of a hole of that area, away from the outer contour and the other holes. outer, holes:
+    slices of the contours.
     """
     least = 1.01 * SMALL * abs(signed_area(Curve(pose[outer], closed=True)))
-    small = [hole for hole in holes if abs(signed_area(Curve(pose[hole], closed=True))) <= least]
+    areas = [abs(signed_area(Curve(pose[hole], closed=True))) for hole in holes]
+    small = [
+        (hole, np.sqrt(least / area))
+        for hole, area in zip(holes, areas, strict=True)
+        if area <= least
+    ]
     for _ in range(ROUNDS if small else 0):
         moved = False
-        for hole in small:
+        for hole, growth in small:
             middle = pose[hole].mean(axis=0)
-            radius = np.hypot(*(pose[hole] - middle).T).max()
-            for other in (outer, *(other for other in holes if other is not hole)):
+            radius = growth * np.hypot(*(pose[hole] - middle).T).max()
+            for other in (outer, *(sibling for sibling in holes if sibling is not hole)):
                 distance, nearest = _nearest_points(middle[None], pose[other])
                 is_inside = _is_inside(middle[None], pose[other])[0]
                 signed = distance[0] if is_inside == (other is outer) else -distance[0]
@@ -177,7 +223,7 @@ def move_holes_inside(pose: Points, outer: slice, holes: Sequence[slice]) -> Non
             break
 
 
-def _is_inside(points: Points, polygon: Points) -> np.ndarray:
+def _is_inside(points: Points, polygon: Points) -> Mask:
     """Return whether each point (k, 2) is inside a closed polygon (n, 2): (k,)."""
     return np.asarray(skimage.measure.points_in_poly(points, polygon))
 

@@ -1,8 +1,11 @@
 """A morph between two simple curves whose frames are all simple (the curve paper's §4.1 claim).
 
+It is also one between two regions, each a curve and the holes in it, none of which meet
+(see the module `regions`). A path between two curves always exists; holes may block each other.
+
 If the linear morph from a to b is simple, it is the result. Otherwise both curves are simplified
 step by step into poses a_i and b_j, and the result is the shortest path a → a_i → b_j → b without
-folds. A path always exists, because the last poses can be joined: two polygons by turning and
+folds. Between curves it exists, because the last poses can be joined: two polygons by turning and
 stretching about their centres, two lines by turning. Then the motion is smoothed in time as far as
 it stays simple. Closed frames are scaled so that their areas lie between those of the ends, which
 makes no folds. Finally every frame is tested exactly.
@@ -77,9 +80,10 @@ def morph_regions_without_folds(
     """Return the frames (frames, points, 2) of each contour of a shape that turns into another.
 
     a, b: the closed contours of the shapes, in any order: regions, each one contour and its holes.
-    In no frame does a contour of a region meet itself or another one of that region. A hole without
-    a partner grows from a point, or shrinks to one. FinloopError if the shapes have not as many
-    regions, their contours meet, or they are too near each other.
+    The result has the regions one after the other, the outer contour of each first. In no frame
+    does a contour of a region meet itself or another one of that region. A hole without a partner
+    grows from a point, or shrinks to one. FinloopError if the shapes have not as many regions,
+    their contours meet, or they are too near each other.
     """
     stacks: list[Points] = []
     for first, second in pair_regions(a, b):
@@ -259,8 +263,8 @@ def _straight_motion_is_simple(first: Points, second: Points, following: Ints) -
 def _frames_along_path(poses: Points, frames: int, layout: ContourLayout) -> Points:
     """Return frames (frames, n, 2) at constant speed along poses (k, n, 2), smoothed in time.
 
-    The smoothing is the widest of SMOOTHING that makes no fold; none if all do. The areas of closed
-    frames, holes included, are kept between those of the ends.
+    The smoothing is the widest of SMOOTHING that makes no fold; none if all do. The areas within
+    the outer contours of closed frames are kept between those of the ends.
     """
     along = path_lengths(poses)
     marks = np.linspace(0, along[-1], frames)
@@ -385,7 +389,7 @@ def round_off_contours(points: Points, layout: ContourLayout) -> tuple[Points, b
     edges = _edge_lengths(poses[0][outer])
     step, halvings = edges.mean() ** 2, 0
     # 4π area / length² is 1, without ROUND, in a circle
-    while 4 * np.pi * abs(area) <= ROUND * edges.sum() ** 2 or not _are_small(
+    while 4 * np.pi * abs(area) <= ROUND * edges.sum() ** 2 or not _are_small_and_round(
         poses[-1], holes, least
     ):
         shorter = np.concatenate([_implicit_step(poses[-1][part], step) for part in layout.parts])
@@ -412,10 +416,14 @@ def _edge_lengths(points: Points) -> Floats:
     return np.hypot(*(np.roll(points, -1, axis=0) - points).T)
 
 
-def _are_small(pose: Points, holes: Sequence[slice], least: Floats) -> bool:
-    """Return whether all holes of a pose (n, 2) have shrunk to about their least areas (h,)."""
-    areas = [abs(signed_area(Curve(pose[hole], closed=True))) for hole in holes]
-    return all(area <= 1.01 * least_area for area, least_area in zip(areas, least, strict=True))
+def _are_small_and_round(pose: Points, holes: Sequence[slice], least: Floats) -> bool:
+    """Return whether all holes of a pose (n, 2) are round, and about as small as least (h,)."""
+    for hole, least_area in zip(holes, least, strict=True):
+        area = abs(signed_area(Curve(pose[hole], closed=True)))
+        length = _edge_lengths(pose[hole]).sum()
+        if area > 1.01 * least_area or 4 * np.pi * area <= ROUND * length**2:
+            return False
+    return True
 
 
 def _implicit_step(points: Points, step: float) -> Points:
@@ -539,9 +547,9 @@ def _join_simplified_contours(first: Points, second: Points, layout: ContourLayo
         if contours_stay_simple(stack, layout):
             return stack
     raise FinloopError(
-        "holes that meet on their way to their places in the other region",
+        "holes that meet each other or the contour around them on their way to the other region",
         "holes that can pass each other",
-        "pair the holes by ids, or use morph.method=linear",
+        "give each hole a path and an id of its own, or use morph.method=linear",
     )
 
 

@@ -62,7 +62,8 @@ class Fallback:
         turns_on_spot = stretch.decision.reason == SPOT
         if turns_on_spot:  # every other stretch already ends before the walls
             inside = self._part_inside_tank(stretch)
-            stretch = inside or self._stay_at_wall(fish, Target(*stretch.aim))
+            kept = inside or self._stay_at_wall(fish, Target(*stretch.aim))
+            stretch = replace(kept, decision=stretch.decision, options=stretch.options)
         company, others = fish.company, fish.company.places[0]  # where the others are now
         if not len(others):
             return stretch

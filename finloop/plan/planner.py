@@ -285,7 +285,7 @@ class Planner:
             if len(stretch.trajectory):
                 return stretch, progress
         plans = self._best_plans(fish, along_px, objective, rng)
-        if plans and (terms := self._terms_of_turning_first(fish, plans[0], objective, rng)):
+        if plans and (terms := self._turn_first_terms(fish, plans[0], objective, rng)):
             return self._stay(fish, along_px, objective, task, plans, terms), Progress(along_px)
         for plan in plans:
             runs = plan.first_runs(self._ticks_between_searches(objective))
@@ -295,28 +295,30 @@ class Planner:
                 return stretch, progress
         return self._stay(fish, along_px, objective, task, plans), Progress(along_px)
 
-    def _terms_of_turning_first(
+    def _turn_first_terms(
         self, fish: Fish, plan: Plan, objective: Objective, rng: np.random.Generator
     ) -> tuple[float, ...]:
-        """Return what it costs, by term, to turn on the spot to the target and swim there then.
+        """Return the cost, by term in s, of turning to the target on the spot, then swimming there.
 
-        plan: the best one without such a turn; () where that costs less, or the fish has no target.
-        The costs are in seconds. The film never shows such a turn, so each of its ticks costs
-        itself, and as much as a step that the film shows once.
+        () if `plan`, which swims at once, costs as little, or there is no target. The film never
+        shows such a turn: each tick of it costs itself, and as much as a step that the film shows
+        once. The other fish count as they are now, before the turn.
         """
         aim, world = objective.aim, self.world
         if aim.free or len(objective.route.x):
             return ()
+        cost_at_once = self._full_cost(plan)
         to_aim_deg = bearing(fish.x, fish.y, aim.x, aim.y)
         turn_deg = float(wrap(to_aim_deg - fish.heading))
         turn_ticks = abs(turn_deg) / world.turn_on_spot_deg
         turn_cost = turn_ticks * (1 + world.rarest_step_cost)
-        least_ticks = float(np.hypot(aim.x - fish.x, aim.y - fish.y)) / self._weights.fast_px
-        if turn_ticks < 1 or turn_cost + least_ticks >= plan.cost:
+        far_px = float(np.hypot(aim.x - fish.x, aim.y - fish.y)) - aim.touch_px
+        least_cost = turn_cost + max(far_px, 0.0) / self._weights.fast_px
+        if turn_ticks < 1 or least_cost >= cost_at_once:
             return ()
         turned = fish._replace(heading=to_aim_deg, rot=float(wrap(fish.rot + turn_deg)))
         plans = self._best_plans(turned, 0.0, objective, rng)
-        if not plans or turn_cost + plans[0].cost >= plan.cost:
+        if not plans or turn_cost + self._full_cost(plans[0]) >= cost_at_once:
             return ()
         terms = plans[0].outcomes.terms[plans[0].taken].copy()
         terms[CHANCE] = 0.0
@@ -326,13 +328,13 @@ class Planner:
 
     def _stay(
         self, fish: Fish, along_px: float, objective: Objective, task: Route | Target,
-        plans: list[Plan], terms: tuple[float, ...] = (),
+        plans: list[Plan], turn_first_terms: tuple[float, ...] = (),
     ) -> Stretch:  # fmt: skip
         """Return the stretch of a fish in place; its goal counts as touched if it rests on it.
 
         along_px: how far the fish is along the path; plans: the best first: the stretch says what
-        the best one compared, and that nothing of it was taken; terms: what it costs to stay, in
-        seconds, if that was chosen because it costs less.
+        the best one compared, and that nothing of it was taken; turn_first_terms: of
+        `_turn_first_terms`, if the fish stays to turn.
         """
         stretch = self._fallback.stay(fish, self._point_ahead(objective, along_px))
         target = task if isinstance(task, Target) else ANYWHERE
@@ -342,8 +344,10 @@ class Planner:
             return stretch
         verdicts = replace(plans[0].verdicts(self.world.motion.rate_hz), taken=-1)
         decision = verdicts.add_to_decision(stretch.decision)
-        if terms:
-            decision = decision._replace(value_s=sum(terms), taken_terms=terms)
+        if turn_first_terms:
+            decision = decision._replace(
+                value_s=sum(turn_first_terms), taken_terms=turn_first_terms
+            )
         return replace(stretch, options=verdicts, decision=decision)
 
     def _best_plans(
@@ -358,15 +362,16 @@ class Planner:
         if filmed is not None and not self._needs_prediction(filmed, fish, objective):
             return [filmed]
         predicted = self._best_plan(self.prediction, fish, along_px, objective, rng)
-        # Leaving the film costs as much as a seam of one natural step.
-        leaving_cost = self._weights.seam
-
-        def cost_then_duration(plan: Plan) -> tuple[float, float]:
-            """Return a plan's sort key: of equal costs, infinite ones too, the longest is first."""
-            return plan.cost + leaving_cost * (plan.state != FILM), -plan.outcomes.ticks.max()
-
         plans = [plan for plan in (filmed, predicted) if plan is not None]
-        return sorted(plans, key=cost_then_duration)
+        # Of equal costs, infinite ones too, the longest plan is first.
+        return sorted(plans, key=lambda plan: (self._full_cost(plan), -plan.outcomes.ticks.max()))
+
+    def _full_cost(self, plan: Plan) -> float:
+        """Return the cost of a plan, in ticks, with that of leaving the film if it is predicted.
+
+        Leaving the film costs as much as a discontinuity of one natural step.
+        """
+        return plan.cost + self._weights.seam * (plan.state != FILM)
 
     def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
         """Return whether a plan by the film leads nowhere, or costs more than leaving the path.

@@ -40,8 +40,8 @@ def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Pictu
     """Draw Figs. 16, 17 of the fish paper: the fish's path over the empty tank, and its goals.
 
     The path's colour shows the source of the picture, or the state where all have one source. Each
-    goal has the time at which it was reached. Crosses: the fish stays on the spot, as where
-    every route leaves the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
+    goal has the time at which it was reached. Crosses: the fish stays on the spot, for example
+    where every route leaves the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
     """
     figure, axes = draw_empty_tank(background, alpha=0.45, key_inches=0.5)
     key = _draw_paths(axes, edit)
