@@ -9,6 +9,7 @@ from conftest import ROOT
 
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
+from finloop.base.style import Gradient, Paint, Stop, mix_colours
 from finloop.curve.contour import Curve, resample_curve
 from finloop.drawn.dog.walk import DogFilm, frame_phases, true_limb_contours
 from finloop.gait.fit import GaitContours, fit_gait
@@ -203,6 +204,121 @@ def test_cycles_in_a_row():
     assert len(three.tau) == 18
     assert (three.layers["tail"][12:] == done.layers["tail"]).all()
     assert done.tau[0] == 0 and done.tau[3] == 1 and done.tau[-1] < done.tau.max()
+
+
+# --- limbs of several contours
+
+SHIN = np.array([[0, 0], [10, 0], [11, 15], [9, 30], [0, 30]], float)
+PAW = np.array([[0, 30], [9, 30], [20, 34], [20, 40], [0, 40]], float)  # has an edge of the shin
+
+
+def bend(points: np.ndarray, degrees: float, at: tuple[float, float]) -> np.ndarray:
+    """Bend a leg the more the lower it is, and hang it at a place."""
+    angle = np.radians(degrees) * (0.4 + points[:, 1] / 40)
+    x, y = points.T
+    turned = [x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)]
+    return np.stack(turned, axis=1) + at
+
+
+def grouped_legs(degrees: float, *, ids: tuple[str, ...] = ("shin", "paw")) -> Drawing:
+    """Draw two legs, each a group of a shin and a paw; the right one swings the other way."""
+    curves, groups = dict[str, Curve](), dict[str, tuple[str, ...]]()
+    for side, sign, x in (("left", 1, 30), ("right", -1, 70)):
+        for part, outline in zip(ids, (SHIN, PAW), strict=True):
+            dense = resample_curve(Curve(outline, True), 400).points
+            name = f"{part}_{side}" if part in ("shin", "paw") else f"{part}{side[0]}"
+            curves[name] = Curve(bend(dense, sign * degrees, (x, 5)), True)
+            groups[name] = ("part", f"fore_{side}", "dog")
+    return Drawing(curves, 100, 60, groups=groups)
+
+
+def seam_gaps(layers: dict[str, np.ndarray], shin: str, paw: str, frames: int) -> np.ndarray:
+    """Return how far a paw is off its shin in every frame, px, along the edge that both share."""
+    gaps = []
+    for frame in range(frames):
+        dense = resample_curve(Curve(layers[shin][frame], True), 4000).points
+        apart = np.linalg.norm(layers[paw][frame][:, None] - dense, axis=-1).min(axis=1)
+        gaps.append(apart)
+    return np.array(gaps)
+
+
+@pytest.mark.parametrize("ids", [("shin", "paw"), ("x", "y")])
+def test_a_paw_stays_at_its_leg_and_the_leg_on_its_paw(ids):
+    uneven = {"A": (-0.8, 0.6, -0.4, 0.5), "B": (0.9, -0.5, 0.3, 0.2)}  # γ for each scale
+    gait = replace(WALK, gamma={"fore_left": uneven, "fore_right": uneven})
+    one, two = grouped_legs(18, ids=ids), grouped_legs(-25, ids=ids)
+    done = animate_drawing(one, two, gait, 16, 128)
+    layers = done.morph.layers
+    assert list(layers) == list(one.curves)
+    for shin, paw in zip(list(layers)[::2], list(layers)[1::2], strict=True):
+        gaps = seam_gaps(layers, shin, paw, 16)
+        on_seam = (gaps[[0, 4, 8, 12]] < 0.05).all(axis=0)  # in the key frames
+        assert 8 < on_seam.sum() < 40
+        assert gaps[:, on_seam].max() < 0.1
+    assert set(done.after.slide) == {"fore_left", "fore_right"}
+    assert max(done.after.slide.values()) < min(done.before.slide.values()) / 10
+    lowest = max(layers[name][[0, 8], :, 1].max() for name in layers)
+    assert lowest == max(layers[name][..., 1].max() for name in list(layers)[1::2])
+    half = np.arange(8)
+    for left, right in zip(list(layers)[:2], list(layers)[2:], strict=True):
+        there = layers[right][half + 8] - layers[right][8] + layers[left][0]
+        assert np.abs(layers[left][half] - there).max() < 0.02
+
+
+def test_contours_without_a_carrier_keep_their_shape():
+    """A patch that floats beside its leg moves as one piece."""
+    one, two = (grouped_legs(degrees) for degrees in (18, -25))
+    far = replace(WALK, support={})
+    for drawing, degrees in ((one, 18), (two, -25)):
+        for side, sign, x in (("left", 1, 30), ("right", -1, 70)):
+            t = 2 * np.pi * np.arange(60) / 60
+            place = bend(np.array([[5.0, 20.0]]), sign * degrees, (x, 5)) + [14, 0]
+            patch = place + 2 * np.stack([np.cos(t), np.sin(t)], axis=1)
+            drawing.curves[f"patch_{side}"] = Curve(patch, True)
+            drawing.groups[f"patch_{side}"] = (f"fore_{side}", "dog")
+    patch = animate_drawing(one, two, far, 16, 64).morph.layers["patch_left"]
+    radius = np.linalg.norm(patch - patch.mean(axis=1, keepdims=True), axis=-1)
+    assert radius == pytest.approx(np.full(radius.shape, 2), abs=0.15)
+
+
+def test_the_contours_of_one_path_are_one_limb():
+    one, two = (
+        Drawing(
+            {**drawing.curves, "fore_left#2": Curve(drawing.curves["fore_left"].points[::-1] * 1.0, True)},
+            100, 60,
+        )
+        for drawing in (legs(fore_left=(10, 5)), legs(fore_left=(30, 5)))
+    )  # fmt: skip
+    layers = animate_drawing(one, two, WALK, 16, 32).morph.layers
+    middles = [layers[name].mean(axis=1) for name in ("fore_left", "fore_left#2")]
+    assert middles[0] == pytest.approx(middles[1], abs=0.1)
+
+
+def test_left_and_right_limbs_have_the_same_contours():
+    one = grouped_legs(18, ids=("x", "y"))
+    for part in (one.curves, one.groups):
+        del part["yr"]
+    with pytest.raises(FinloopError, match="'fore_left' has 2 contours, 'fore_right' 1"):
+        animate_drawing(one, one, WALK, 8, 32)
+
+
+def test_a_gradient_turns_with_its_limb_and_colours_follow_the_keys():
+    red, blue = (255, 0, 0), (0, 0, 255)
+    gradient = Gradient("linear", (Stop(0, red, 1), Stop(1, blue, 1)), (10, 0, 0, 40, 0, 0))
+    keys = []
+    for degrees, stroke in ((0, red), (20, blue)):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        fill = replace(gradient, matrix=(10 * c, 10 * s, -40 * s, 40 * c, 30, 5))
+        paint = Paint(fill, stroke, 1, 1, 2)
+        curve = Curve(rotate(BOOT, degrees) + [30, 5], True)
+        keys.append(Drawing({"fore_left": curve}, 100, 60, {"fore_left": paint}))
+    done = animate_drawing(*keys, replace(WALK, support={}), 8, 64).morph
+    paints = done.styles["fore_left"]
+    assert [paint.stroke for paint in paints[::2]] == [red, blue, red, blue]
+    assert paints[1].stroke == mix_colours(red, blue, 0.5)
+    for k in (0, 2, 4, 6):
+        wanted = keys[k % 4 // 2].styles["fore_left"].fill.matrix
+        assert paints[k].fill.matrix == pytest.approx(wanted, abs=0.3)
 
 
 # --- correspondence

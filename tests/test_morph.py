@@ -13,6 +13,7 @@ from scratch import save_svg
 
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
+from finloop.base.style import Paint
 from finloop.curve.contour import Curve
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
@@ -41,8 +42,10 @@ def drawing(width=100, height=100, styles=(), **curves):
     return Drawing(made, width, height, dict(styles))
 
 
-A = drawing(box=SQUARE, open_line=LINE, styles={"box": "fill:red"})
-STYLES = {"box": "fill:blue", "open_line": "stroke:lime"}
+RED, BLUE = Paint((255, 0, 0), None, 1, 1, 1), Paint((0, 0, 255), None, 1, 1, 1)
+LIME_LINE = Paint(None, (0, 255, 0), 1, 1, 2)
+A = drawing(box=SQUARE, open_line=LINE, styles={"box": RED})
+STYLES = {"box": BLUE, "open_line": LIME_LINE}
 B = drawing(open_line=LINE + [0, 60], box=TRIANGLE, styles=STYLES)
 
 
@@ -66,7 +69,8 @@ def test_a_morph_has_every_frame_of_every_layer(method):
     assert all(count.shape == (7,) for count in done.folds.values())
     assert done.closed == {"box": True, "open_line": False}
     np.testing.assert_allclose(done.tau, np.arange(7) / 6)
-    assert done.styles == {"box": "fill:red", "open_line": "stroke:lime"}
+    assert (done.styles["box"][0], done.styles["box"][-1]) == (RED, BLUE)
+    assert done.styles["open_line"] == (LIME_LINE,) * 7  # painted in one drawing only
     assert (done.width, done.height) == (100, 100)
 
 

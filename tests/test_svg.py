@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
+from finloop.base.style import colours_at, gradient_offsets
 from finloop.curve.contour import signed_area
 from finloop.io.svg import FLATNESS, MOST_BYTES, MOST_DRAWN, MOST_NESTED, load_svg
 
@@ -266,28 +267,222 @@ def test_styles(tmp_path):
     p = 'd="M0 0H9V9z"'
     drawing = load(
         tmp_path,
-        "<style>.k{fill:red;stroke:#00f}</style><linearGradient id='g'/>"
         f'<path id="css" class="k" {p}/><g fill="none" stroke="lime"><path id="in" {p}/></g>'
-        f'<path id="usual" {p}/><path id="grad" fill="url(#g)" {p}/>'
+        f'<path id="usual" {p}/><path id="lost" fill="url(#nothing) red" {p}/>'
         f'<g transform="scale(3)"><path id="wide" style="fill:none;stroke:#fff;stroke-width:2" {p}/></g>'
-        f'<path id="thin" opacity=".5" fill-opacity=".4" {p}/><path id="bare" fill="none" {p}/>',
+        f'<g opacity=".5"><g opacity="50%"><path id="thin" opacity=".8" fill-opacity=".4" {p}/></g></g>'
+        f'<path id="bare" fill="none" {p}/><style>.k{{fill:red;stroke:#00f}}</style>',
     )
-    told = drawing.styles.items()
-    styles = {name: dict(one.split(":") for one in text.split(";")) for name, text in told}
-    assert (styles["css"]["fill"], styles["css"]["stroke"]) == ("#ff0000", "#0000ff")
-    assert (styles["in"]["fill"], styles["in"]["stroke"]) == ("none", "#00ff00")
-    assert styles["usual"] == {"fill": "#000000", "stroke": "none"}
-    assert styles["grad"]["fill"] == "#808080"
-    assert float(styles["wide"]["stroke-width"]) == pytest.approx(6)
-    assert float(styles["thin"]["fill-opacity"]) == pytest.approx(0.2, abs=0.002)
+    styles = drawing.styles
+    assert (styles["css"].fill, styles["css"].stroke) == ((255, 0, 0), (0, 0, 255))
+    assert (styles["in"].fill, styles["in"].stroke) == (None, (0, 255, 0))
+    assert (styles["usual"].fill, styles["usual"].stroke) == ((0, 0, 0), None)
+    assert styles["lost"].fill == (255, 0, 0)
+    assert styles["wide"].width == pytest.approx(6)
+    assert styles["thin"].fill_opacity == pytest.approx(0.5 * 0.5 * 0.8 * 0.4, abs=0.002)
     assert "bare" not in styles
+
+
+@pytest.mark.parametrize(
+    ("style", "dashes", "offset"),
+    [
+        ("stroke-dasharray:4 2", (12, 6), 0),
+        ("stroke-dasharray:4,2,1;stroke-dashoffset:5", (12, 6, 3, 12, 6, 3), 15),
+        ("stroke-dasharray:4 2;stroke-linecap:square;stroke-width:1", (15, 3), 1.5),
+        ("stroke-dasharray:none", (), 0),
+        ("stroke-dasharray:4 -2", (), 0),
+        ("stroke-dasharray:0 0", (), 0),
+        ("stroke-dasharray:3 0", (), 0),
+    ],
+)
+def test_dashes(tmp_path, style, dashes, offset):
+    body = f'<g transform="scale(3)"><path style="stroke:red;{style}" d="M0 0H9"/></g>'
+    (paint,) = load(tmp_path, body).styles.values()
+    assert paint.dashes == pytest.approx(dashes)
+    assert paint.dash_offset == pytest.approx(offset)
+
+
+def gradient_colours(fill, points):
+    return colours_at(fill, gradient_offsets(fill, np.array(points, float)))
+
+
+STOPS = '<stop stop-color="red"/><stop offset="1" stop-color="#00f" stop-opacity=".5"/>'
+
+
+@pytest.mark.parametrize(
+    ("gradient", "points", "shares"),
+    [
+        # The shape is 40 by 20 at (10, 10); points are in it, shares are offsets.
+        ("linearGradient", [(10, 15), (20, 25), (50, 10)], [0, 0.25, 1]),
+        ('linearGradient x1="0" x2="0" y2="1"', [(10, 10), (50, 15), (20, 30)], [0, 0.25, 1]),
+        ('linearGradient x2="100%" y2="100%"', [(10, 10), (30, 20), (50, 30), (50, 10)], [0, 0.5, 1, 0.5]),
+        ('linearGradient gradientUnits="userSpaceOnUse" x1="20" x2="40%"', [(20, 0), (25, 9), (40, 5)], [0, 0.25, 1]),
+        ('linearGradient gradientUnits="userSpaceOnUse" x2="10" gradientTransform="translate(20) scale(2)"', [(30, 0)], [0.5]),
+        ('linearGradient x2=".5" spreadMethod="reflect"', [(30, 10), (40, 10), (50, 10)], [1, 0.5, 0]),
+        ('linearGradient x2=".5" spreadMethod="repeat"', [(25, 10), (35, 10), (45, 10)], [0.75, 0.25, 0.75]),
+        ("radialGradient", [(30, 20), (40, 20), (30, 25), (50, 20)], [0, 0.5, 0.5, 1]),
+        ('radialGradient gradientUnits="userSpaceOnUse" cx="30" cy="20" r="10" fx="25"', [(25, 20), (40, 20), (30, 10)], [0, 1, 1]),
+    ],
+)  # fmt: skip
+def test_gradients_colour_points_of_the_plane(tmp_path, gradient, points, shares):
+    tag = gradient.partition(" ")[0]
+    drawing = load(
+        tmp_path,
+        f'<defs><{gradient} id="g">{STOPS}</{tag}></defs>'
+        '<g transform="rotate(90) scale(2)"><path fill="url(#g)" d="M10 10h40v20h-40z"/></g>',
+    )
+    (paint,) = drawing.styles.values()
+    moved = [(-2 * y, 2 * x) for x, y in points]
+    wanted = [(255 * (1 - share), 0, 255 * share, 1 - share / 2) for share in shares]
+    np.testing.assert_allclose(gradient_colours(paint.fill, moved), wanted, atol=1e-6)
+
+
+def test_gradients_refer_to_gradients_and_stops_have_styles(tmp_path):
+    drawing = load(
+        tmp_path,
+        "<style>.s{stop-color:lime}</style>"
+        '<linearGradient id="a" xlink:href="#b"/><radialGradient id="loop" href="#loop"/>'
+        '<linearGradient id="b" href="#c" x2="50%"/><linearGradient id="c" x1=".25">'
+        '<stop class="s"/><stop offset="50%" style="stop-color:rgb(0,0,255)"/><stop offset=".2"/>'
+        '</linearGradient><path id="p" fill="url(#a)" d="M0 0h100v10h-100z"/>'
+        '<path id="none" fill="url(#loop)" d="M0 0h9v9z"/><path id="flat" fill="url(#a)" d="M0 0H9"/>',
+    )
+    (fill,) = [paint.fill for paint in drawing.styles.values()]
+    assert [stop.offset for stop in fill.stops] == [0, 0.5, 0.5]  # offsets never fall
+    found = gradient_colours(fill, [(25, 0), (37, 0), (50, 0)])
+    np.testing.assert_allclose(found[:, :3], [(0, 255, 0), (0, 10.2, 244.8), (0, 0, 0)], atol=0.1)
+
+
+# The same picture as four programs write it: a body with a gradient, and a leg with its paw.
+HEAD = 'width="100" height="100" viewBox="0 0 100 100"'
+LEG = 'd="M0,0 L20,0 L20,40 L0,40 Z"'
+PROGRAMS = {
+    "Inkscape": (
+        f'inkscape:version="1.3" xmlns:inkscape="urn:i" xmlns:sodipodi="urn:s" {HEAD}',
+        '''<sodipodi:namedview id="base" showgrid="false"/><defs id="defs1">
+        <linearGradient id="lg1"><stop style="stop-color:#ff0000;stop-opacity:1" offset="0" id="s1"/>
+        <stop style="stop-color:#0000ff;stop-opacity:1" offset="1" id="s2"/></linearGradient>
+        <linearGradient id="lg2" xlink:href="#lg1" x1="10" y1="30" x2="90" y2="30" gradientUnits="userSpaceOnUse"/>
+        <radialGradient id="rg1" cx="10" cy="45" r="12" fx="10" fy="45" gradientUnits="userSpaceOnUse"
+        gradientTransform="matrix(1,0,0,0.5,0,22.5)"><stop style="stop-color:#ffffff" offset="0" id="s3"/>
+        <stop style="stop-color:#000000" offset="1" id="s4"/></radialGradient>
+        <filter id="unused"><feGaussianBlur stdDeviation="2"/></filter></defs><metadata id="m"/>
+        <g inkscape:label="Layer 1" inkscape:groupmode="layer" id="layer1">
+        <path style="fill:url(#lg2);stroke:none" d="m 10,10 h 80 v 40 H 10 Z" id="body" sodipodi:nodetypes="ccccc"/>
+        <g id="fore_left" inkscape:label="leg" transform="translate(20,40)">
+        <path style="fill:#00ff00;fill-opacity:0.5;stroke:#000000;stroke-width:2;stroke-dasharray:6, 3;stroke-dashoffset:0" LEG id="leg"/>
+        <ellipse style="fill:url(#rg1);stroke:none" id="paw" cx="10" cy="45" rx="12" ry="6"/></g></g>''',
+    ),
+    "Illustrator": (
+        f'id="Layer_1" data-name="Layer 1" {HEAD}',
+        '''<defs><style>.cls-1{fill:url(#linear-gradient);}.cls-2{fill:lime;fill-opacity:.5;stroke:#000;
+        stroke-width:2px;stroke-dasharray:6 3}.cls-1,.cls-3{stroke-width:0px;}.cls-3{fill:url(#radial-gradient);}</style>
+        <linearGradient id="linear-gradient" x1="10" y1="30" x2="90" y2="30" gradientUnits="userSpaceOnUse">
+        <stop offset="0" stop-color="red"/><stop offset="1" stop-color="blue"/></linearGradient>
+        <radialGradient id="radial-gradient" cx="10" cy="45" fx="10" fy="45" r="12"
+        gradientTransform="translate(0 22.5) scale(1 .5)" gradientUnits="userSpaceOnUse">
+        <stop offset="0" stop-color="#fff"/><stop offset="1" stop-color="#000"/></radialGradient></defs>
+        <path id="body" class="cls-1" d="M10,10h80v40H10V10Z"/><g id="fore_x5F_left" transform="translate(20 40)">
+        <polygon id="leg" class="cls-2" points="0 0 20 0 20 40 0 40 0 0"/>
+        <ellipse id="paw" class="cls-3" cx="10" cy="45" rx="12" ry="6"/></g>''',
+    ),
+    "Figma": (
+        f'fill="none" {HEAD}',
+        '''<g id="Frame 1" clip-path="url(#clip0_1_2)"><path id="body" d="M10 10H90V50H10V10Z" fill="url(#paint0_linear_1_2)"/>
+        <g id="fore_left"><path id="leg" d="M20 40H40V80H20V40Z" fill="#00FF00" fill-opacity="0.5" stroke="black" stroke-width="2" stroke-dasharray="6 3"/>
+        <ellipse id="paw" cx="30" cy="85" rx="12" ry="6" fill="url(#paint1_radial_1_2)"/></g></g><defs>
+        <linearGradient id="paint0_linear_1_2" x1="10" y1="30" x2="90" y2="30" gradientUnits="userSpaceOnUse">
+        <stop stop-color="#FF0000"/><stop offset="1" stop-color="#0000FF"/></linearGradient>
+        <radialGradient id="paint1_radial_1_2" cx="0" cy="0" r="1" gradientUnits="userSpaceOnUse"
+        gradientTransform="translate(30 85) rotate(90) scale(6 12)"><stop stop-color="white"/><stop offset="1"/></radialGradient>
+        <clipPath id="clip0_1_2"><rect width="100" height="100" fill="white"/></clipPath></defs>''',
+    ),
+    "Affinity": (
+        'width="100%" height="100%" viewBox="0 0 100 100" version="1.1" xml:space="preserve" xmlns:serif="urn:a"'
+        ' style="fill-rule:evenodd;clip-rule:evenodd;stroke-linejoin:round;stroke-miterlimit:2;"',
+        '''<g transform="matrix(1,0,0,1,-10,-20)"><path id="body" d="M20,30L100,30L100,70L20,70L20,30Z" style="fill:url(#_Linear1);"/></g>
+        <g id="fore_left" serif:id="fore left" transform="matrix(1,0,0,1,20,40)"><g transform="matrix(2,0,0,2,0,0)">
+        <path id="leg" d="M0,0L10,0L10,20L0,20L0,0Z" style="fill:rgb(0,255,0);fill-opacity:0.5;stroke:black;stroke-width:1px;stroke-dasharray:3,1.5;"/></g>
+        <g transform="matrix(1,0,0,0.5,0,22.5)"><circle id="paw" cx="10" cy="45" r="12" style="fill:url(#_Radial2);"/></g></g><defs>
+        <linearGradient id="_Linear1" x1="0" y1="0" x2="1" y2="0" gradientUnits="userSpaceOnUse" gradientTransform="matrix(80,0,0,80,20,50)">
+        <stop offset="0" style="stop-color:rgb(255,0,0);stop-opacity:1"/><stop offset="1" style="stop-color:rgb(0,0,255);stop-opacity:1"/></linearGradient>
+        <radialGradient id="_Radial2" cx="0" cy="0" r="1" gradientUnits="userSpaceOnUse" gradientTransform="matrix(12,0,0,12,10,45)">
+        <stop offset="0" style="stop-color:white"/><stop offset="1" style="stop-color:black"/></radialGradient></defs>''',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_drawings_of_four_programs_are_the_same(tmp_path, program):
+    attributes, body = PROGRAMS[program]
+    drawing = load(tmp_path, body.replace("LEG", LEG), attributes)
+    assert (drawing.width, drawing.height) == (100, 100)
+    assert list(drawing.curves) == ["body", "leg", "paw"]
+    assert drawing.groups["leg"][0] == drawing.groups["paw"][0] == "fore_left"
+    corners = {"body": [[10, 10], [90, 10], [90, 50], [10, 50]]}
+    corners["leg"] = [[20, 40], [40, 40], [40, 80], [20, 80]]
+    for name, points in corners.items():
+        np.testing.assert_allclose(drawing.curves[name].points, points)
+    assert distance(drawing.curves["paw"].points, np.array([[18, 85], [42, 85]])).max() < 6.001
+    body, leg, paw = (drawing.styles[name] for name in ("body", "leg", "paw"))
+    assert (leg.fill, leg.fill_opacity) == ((0, 255, 0), pytest.approx(0.5, abs=0.002))
+    assert (leg.stroke, leg.stroke_opacity, leg.width) == ((0, 0, 0), 1, pytest.approx(2))
+    assert leg.dashes == pytest.approx((6, 3))
+    found = gradient_colours(body.fill, [(0, 0), (50, 50), (99, 9)])[:, :3]
+    np.testing.assert_allclose(found, [(255, 0, 0), (127.5, 0, 127.5), (0, 0, 255)], atol=1e-6)
+    found = gradient_colours(paw.fill, [(30, 85), (36, 85), (30, 88), (42, 85)])[:, 0]
+    np.testing.assert_allclose(found, [255, 127.5, 127.5, 0], atol=1e-6)
+    assert body.stroke is paw.stroke is None
+
+
+@pytest.mark.parametrize(
+    ("body", "says", "do"),
+    [
+        ('<clipPath id="c"><path d="M0 0H5V5z"/></clipPath><g clip-path="url(#c)"><path id="a" P/></g>', "a clip path ('a')", "release clip"),
+        ('<clipPath id="c"><rect width="99" height="99"/></clipPath><path id="a" clip-path="url(#c)" P/>', "a clip path ('a')", "cut"),
+        ('<style>.m{mask:url(#m)}</style><mask id="m"/><path id="a" class="m" P/>', "a mask ('a')", "release masks"),
+        ('<filter id="f"/><path id="a" style="filter:url(#f)" P/><path id="b" filter="url(#f)" P/>', "a filter ('a', 'b')", "remove filters"),
+        ('<pattern id="p"><path P/></pattern><g fill="url(#p)"><path id="a" P/></g>', "a pattern ('a')", "gradients"),
+        ('<marker id="p"><path P/></marker><path id="a" marker-end="url(#p)" P/>', "a marker ('a')", "into paths"),
+        ('<path P/><g id="t"><text><tspan>Hello</tspan></text></g>', "text ('Hello')", "turn text into paths"),
+        ('<mask id="m"/><text id="t">a</text><path id="a" mask="url(#m)" filter="url(#f)" P/>', "a mask ('a'), a filter ('a'), text ('t')", "; "),
+    ],
+)  # fmt: skip
+def test_what_no_contour_shows_is_refused_by_name_in_one_message(tmp_path, body, says, do):
+    with pytest.raises(FinloopError) as error:
+        load(tmp_path, body.replace("P/", 'd="M0 0H9V9z"/'))
+    assert says in error.value.came
+    assert do in error.value.do
+
+
+def test_what_is_not_used_or_does_nothing_is_not_refused(tmp_path):
+    p = 'd="M0 0H9V9z"'
+    body = (
+        f'<defs><filter id="f"/><pattern id="p"><path {p}/></pattern><clipPath id="c"><rect width="100"'
+        f' height="100"/></clipPath></defs><g clip-path="url(#c)"><path id="seen" {p}/></g><text> </text>'
+        f'<path style="display:none" filter="url(#f)" {p}/><text display="none">words</text>'
+        f'<path visibility="hidden" fill="url(#p)" {p}/><path id="bare" filter="none" {p}/>'
+    )
+    assert list(load(tmp_path, body).curves) == ["seen", "bare"]
+
+
+def test_groups_are_known_by_their_ids(tmp_path):
+    p = 'd="M0 0H9V9z"'
+    drawing = load(
+        tmp_path,
+        f'<defs><g id="boot"><path id="sole" {p}/></g></defs><g id="dog"><g id="leg"><g><path {p}/></g>'
+        f'<path id="paw" {p}/></g><use id="foot" href="#boot"/></g><path id="sun" {p}/>',
+    )
+    assert drawing.groups == {
+        "leg": ("leg", "dog"), "paw": ("leg", "dog"), "foot": ("boot", "foot", "dog"),
+    }  # fmt: skip
 
 
 def test_what_is_hidden_or_no_contour_is_left_out(tmp_path):
     p = 'd="M0 0H9V9z"'
     body = (
         f'<path id="seen" {p}/><path display="none" {p}/><g style="display:none"><path {p}/></g>'
-        f'<path visibility="hidden" {p}/><text>words</text><metadata><path {p}/></metadata>'
+        f'<path visibility="hidden" {p}/><metadata><path {p}/></metadata>'
         f"<clipPath><path {p}/></clipPath><mask><path {p}/></mask><pattern><path {p}/></pattern>"
         f"<marker><path {p}/></marker><symbol><path {p}/></symbol><defs><path {p}/></defs>"
     )
@@ -326,7 +521,9 @@ def use_bomb():
         (SHAPE * 1001, "", "1001"),
         (f"<style>{'*{a:b}' * 12_000}</style>" + SHAPE, "", "style sheets of 70 KiB"),
         ("", "", "no contour"),
-        ("<text>only words</text>", "", "no contour"),
+        ("<text>only words</text>", "", "shows text"),
+        (f"<path d='M0 0H9' stroke='red' stroke-dasharray='{'1 ' * 65}'/>", "", "65 lengths"),
+        (f"<linearGradient id='g'>{'<stop/>' * 65}</linearGradient><path fill='url(#g)' d='M0 0H9V9z'/>", "", "65 stops"),
         ("<g>", "", "no XML"),
         (SHAPE * 2, "", "'p' 2 times"),
         ('<path id="p" d="M0 0H9V9z" transform="scale(0)"/>', "", "curve p"),

@@ -6,6 +6,7 @@ import numpy as np
 
 from finloop.base.arrays import Ints, Points
 from finloop.base.errors import FinloopError
+from finloop.base.style import Paint
 
 LARGEST = 1e100
 """Largest coordinate; the squares of larger ones overflow in areas and energies."""
@@ -29,7 +30,9 @@ class Drawing:
     curves: dict[str, Curve]
     width: float  # of the picture, in the units of the points
     height: float
-    styles: dict[str, str] = field(default_factory=dict)  # SVG style text by id; some may lack one
+    styles: dict[str, Paint] = field(default_factory=dict)  # by id; some may lack one
+    # by id: the ids of the groups around a contour, from the nearest to the outermost
+    groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def clean_curve(curve: Curve, name: str) -> Curve:
@@ -85,7 +88,7 @@ class Morph:
     # by id: whether it is proved that no contour of the shape crosses itself or another one between
     # the frames either, where points move straight from each frame to the next
     continuous: dict[str, bool]
-    styles: dict[str, str]  # by id; some may lack one
+    styles: dict[str, tuple[Paint, ...]]  # by id, f paints; some may lack them
     width: float  # of the picture
     height: float
     decimals: int  # digits after the point that coordinates have
@@ -97,7 +100,15 @@ class Morph:
             tau=self.tau[frames],
             layers={name: stack[frames] for name, stack in self.layers.items()},
             folds={name: count[frames] for name, count in self.folds.items()},
+            styles={
+                name: tuple(paints[frame] for frame in frames)
+                for name, paints in self.styles.items()
+            },
         )
+
+    def paints_at(self, frame: int) -> dict[str, Paint]:
+        """Return how each contour is painted in a frame, by id; some may lack a paint."""
+        return {name: paints[frame] for name, paints in self.styles.items()}
 
     def count_fold_frames(self) -> dict[str, int]:
         """Return in how many frames a contour crosses itself, by contour id; zeros are left out."""

@@ -1,19 +1,26 @@
-"""Painting layers of contours: styles, and pictures with smooth edges.
+"""Painting layers of contours: shapes, and pictures with smooth edges.
 
-Contours are painted alike in every format: strokes with round joins and caps, fills by the
-even-odd rule, so that holes stay holes and folds are seen.
+Contours are painted alike in every format: lines with round joins and ends, fills by the even-odd
+rule, so that holes stay holes and folds are seen. Only dashes may have straight ends.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ImageColor
 
-from finloop.base.arrays import Picture, Points
-from finloop.base.errors import FinloopError
+from finloop.base.arrays import Ints, Picture, Points
+from finloop.base.style import (
+    Colour,
+    Gradient,
+    Paint,
+    colours_at,
+    gradient_offsets,
+    move_fill,
+    scale_paint,
+)
 
 PART = "#"
 """Layers `d`, `d#2`, `d#3` are contours of one shape: the hole of a letter is one of them."""
@@ -22,26 +29,19 @@ FINE = 8
 """Mask pixels along the side of a pixel. OpenCV paints every one that it touches: fills are 0.05 px
 and lines 0.12 px too wide. Its own smooth edges are worse; a finer mask is no better."""
 
-_SHIFT = 6  # bits of a coordinate's fraction in OpenCV
+LEAST_PERIOD = 0.5
+"""Shortest dashes with their gaps, px, that are painted; shorter ones are a paler line."""
 
-Colour = tuple[int, int, int]
+MOST_DASHES = 10_000  # times that a line's dashes repeat
+
+_SHIFT = 6  # bits of a coordinate's fraction in OpenCV
+_THICKEST = 32_767  # px, of OpenCV's lines
 
 
 def shape_of(layer: str) -> str:
     """Return the shape that a layer belongs to: `d` for `d` and `d#2`."""
     name, mark, number = layer.rpartition(PART)
     return name if mark and name and number.isdecimal() else layer
-
-
-@dataclass(frozen=True)
-class Paint:
-    """How a shape is painted: colours are RGB 0 … 255, or None where nothing is painted."""
-
-    fill: Colour | None
-    stroke: Colour | None
-    fill_opacity: float  # 0 … 1
-    stroke_opacity: float
-    width: float  # of the stroke, in units of the drawing
 
 
 @dataclass(frozen=True)
@@ -54,50 +54,25 @@ class Shape:
     paint: Paint
 
 
-def parse_style(style: str, side: float) -> Paint:
-    """Return how a shape is painted, from an SVG style such as "fill:red;stroke:none".
-
-    A style with neither fill nor stroke gives a black line of width `side` / 200; side: the longer
-    side of the drawing. FinloopError if a colour or number cannot be read.
-    """
-    values = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
-    values = {key.strip(): value.strip() for key, value in values.items()}
-
-    def parse_colour(key: str) -> Colour | None:
-        """Return the colour of the key `fill` or `stroke`; None if it is none or missing."""
-        text = values.get(key, "none")
-        return None if text == "none" else ImageColor.getrgb(text)[:3]
-
-    try:
-        fill, stroke = parse_colour("fill"), parse_colour("stroke")
-        if fill is None and stroke is None:
-            black = 0, 0, 0
-            return Paint(None, black, fill_opacity=1.0, stroke_opacity=1.0, width=side / 200)
-        numbers = ("fill-opacity", "stroke-opacity", "stroke-width")
-        return Paint(fill, stroke, *(float(values.get(key, 1)) for key in numbers))
-    except ValueError as error:
-        raise FinloopError(
-            f"the style {style!r} cannot be read ({error})",
-            'fill and stroke as colours or none: "fill:#ffd27f;stroke:black;stroke-width:2"',
-            "correct the style",
-        ) from error
-
-
 def group_contours(
-    closed: Mapping[str, bool], styles: Mapping[str, str], side: float
+    closed: Mapping[str, bool], styles: Mapping[str, Paint], side: float
 ) -> list[Shape]:
     """Group contours into shapes in drawing order: `d`, `d#2` and `d#3` become the shape `d`.
 
-    closed: whether each contour is closed, by its id. styles: SVG styles by id; a shape has the
-    style of its first contour, "" if it is missing. side: the longer side of the drawing.
+    closed: whether each contour is closed, by its id. styles: paints by id; a shape has that of its
+    first contour. Without one it is a black line, as wide as side / 200. side: the longer side of
+    the drawing.
     """
+    black_line = Paint(None, (0, 0, 0), 1.0, 1.0, width=side / 200)
     layers_of_shape = dict[str, list[str]]()
     for layer in closed:
         layers_of_shape.setdefault(shape_of(layer), []).append(layer)
     shapes = []
     for name, layers in layers_of_shape.items():
         layers_closed = tuple(closed[layer] for layer in layers)
-        paint = parse_style(styles.get(layers[0], ""), side)
+        paint = styles.get(layers[0], black_line)
+        if paint.fill is None and paint.stroke is None:
+            paint = black_line
         shapes.append(Shape(name, tuple(layers), layers_closed, paint))
     return shapes
 
@@ -114,26 +89,28 @@ def paint_layers(
     for shape, contours in shapes:
         paint = shape.paint
         contours_px = [points * scale for points in contours]
-        for colour, opacity, width_px in (
+        for fill, opacity, line in (
             (paint.fill, paint.fill_opacity, None),  # None: the area
-            (paint.stroke, paint.stroke_opacity, paint.width * scale),
+            (paint.stroke, paint.stroke_opacity, scale_paint(paint, scale, np.zeros(2))),
         ):
-            if colour is not None:
-                _paint_colour(picture, contours_px, shape.closed, colour, opacity, width_px)
+            fill_px = move_fill(fill, scale * np.eye(2), np.zeros(2))
+            if fill_px is not None and opacity > 0:
+                _paint_fill(picture, contours_px, shape.closed, fill_px, opacity, line)
     return np.round(picture).astype(np.uint8)
 
 
-def _paint_colour(
+def _paint_fill(
     picture: NDArray[np.float32], contours: list[Points], closed: tuple[bool, ...],
-    colour: Colour, opacity: float, width_px: float | None,
+    fill: Colour | Gradient, opacity: float, line: Paint | None,
 ) -> None:  # fmt: skip
-    """Paint contours in one colour onto a picture: their area, or lines along them.
+    """Paint contours in a colour or gradient onto a picture: their area, or lines along them.
 
     picture (h, w, 3): is changed in place. contours: (n, 2) px of the picture. closed: whether each
-    contour is closed, for lines. opacity: 0 … 1. width_px: of the lines; None paints the area.
+    contour is closed, for lines. opacity: 0 … 1. line: has the width and the dashes of the lines,
+    px; None paints the area.
     """
     picture_size = picture.shape[1::-1]  # width, height
-    margin = 1 if width_px is None else width_px / 2 + 1
+    margin = 1 if line is None else line.width / 2 + 1
     points = np.concatenate(contours)
     low = np.clip(np.floor(points.min(axis=0) - margin), 0, picture_size).astype(int)
     high = np.clip(np.ceil(points.max(axis=0) + margin), 0, picture_size).astype(int)
@@ -141,17 +118,80 @@ def _paint_colour(
         return  # outside the picture
     # Paint a mask with FINE² pixels for each pixel; averaging them gives smooth edges.
     mask = np.zeros(tuple((high - low)[::-1] * FINE), np.uint8)
-    # OpenCV counts from the middle of the first pixel, in whole steps of 1 / 2**_SHIFT pixel.
-    fine = [(contour - low) * FINE - 0.5 for contour in contours]
-    lines = [np.round(contour * 2**_SHIFT).astype(np.int32) for contour in fine]
-    if width_px is None:
-        cv2.fillPoly(mask, lines, 255, cv2.LINE_8, _SHIFT)
+    fine = [(contour - low) * FINE for contour in contours]
+    if line is None:
+        cv2.fillPoly(mask, [_to_fixed_point(contour) for contour in fine], 255, cv2.LINE_8, _SHIFT)
     else:
-        thickness = max(1, round(width_px * FINE))
-        for line, is_closed in zip(lines, closed, strict=True):
-            cv2.polylines(mask, [line], is_closed, 255, thickness, cv2.LINE_8, _SHIFT)
+        fine_line = scale_paint(line, FINE, np.zeros(2))
+        opacity *= max(
+            _draw_line(mask, np.r_[contour, contour[:is_closed]], is_closed, fine_line)
+            for contour, is_closed in zip(fine, closed, strict=True)
+        )
     window_size = (int(high[0] - low[0]), int(high[1] - low[1]))
     share = cv2.resize(mask, window_size, interpolation=cv2.INTER_AREA).astype(np.float32)
     share *= opacity / 255
+    if not isinstance(fill, Gradient):
+        colour = np.array(fill, np.float32)
+    else:
+        y, x = np.mgrid[low[1] : high[1], low[0] : high[0]] + 0.5
+        rgba = colours_at(fill, gradient_offsets(fill, np.stack([x, y], axis=-1)))
+        colour, share = rgba[..., :3].astype(np.float32), share * rgba[..., 3].astype(np.float32)
     window = picture[low[1] : high[1], low[0] : high[0]]
-    window += share[..., None] * (np.array(colour, np.float32) - window)
+    window += share[..., None] * (colour - window)
+
+
+def _to_fixed_point(points: Points) -> Ints:
+    """Return points (n, 2) of a mask as OpenCV takes them, (n, 2) int32.
+
+    OpenCV counts from the middle of the first pixel, in whole steps of 1 / 2**_SHIFT pixel.
+    """
+    return np.round((points - 0.5) * 2**_SHIFT).astype(np.int32)
+
+
+def _draw_line(mask: NDArray[np.uint8], points: Points, closed: bool, line: Paint) -> float:
+    """Draw a line with its dashes onto a mask; return the opacity that dashes left out give it.
+
+    mask: is changed in place. points (n, 2): px of the mask; of a closed line the last is the
+    first. line: its width and dashes in px of the mask. Dashes that are too short or too many to be
+    seen become a whole line, which is paler.
+    """
+    thickness = int(np.clip(round(line.width), 1, _THICKEST))
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
+    period = sum(line.dashes)
+    if not line.dashes or not along[-1] / MOST_DASHES < period or period < LEAST_PERIOD * FINE:
+        fixed = _to_fixed_point(points[:-1] if closed else points)
+        cv2.polylines(mask, [fixed], closed, 255, thickness, cv2.LINE_8, _SHIFT)
+        return sum(line.dashes[::2]) / period if period else 1.0
+
+    def cut_line(start: float, end: float) -> Points:
+        """Return the part of the line from one distance along it to another, (m, 2)."""
+        inside = points[(along > start) & (along < end)]
+        ends = np.column_stack([np.interp([start, end], along, axis) for axis in points.T])
+        return np.concatenate([ends[:1], inside, ends[1:]])
+
+    for start, end in _dash_spans(line, along[-1]):
+        if line.round_dashes:
+            fixed = _to_fixed_point(cut_line(start, end))
+            cv2.polylines(mask, [fixed], False, 255, thickness, cv2.LINE_8, _SHIFT)
+            continue
+        # OpenCV's lines have round ends: draw a shorter one, and a rectangle over each end.
+        reach = min(line.width / 2, (end - start) / 2)
+        if end - start > line.width:
+            fixed = _to_fixed_point(cut_line(start + reach, end - reach))
+            cv2.polylines(mask, [fixed], False, 255, thickness, cv2.LINE_8, _SHIFT)
+        for first, last in ((start, start + reach), (end - reach, end)):
+            a, b = cut_line(first, last)[[0, -1]]
+            side = (b - a)[::-1] * [-1, 1] / max(float(np.hypot(*(b - a))), 1e-9) * line.width / 2
+            corners = _to_fixed_point(np.stack([a - side, b - side, b + side, a + side]))
+            cv2.fillConvexPoly(mask, corners, 255, cv2.LINE_8, _SHIFT)
+    return 1.0
+
+
+def _dash_spans(line: Paint, length: float) -> Iterator[tuple[float, float]]:
+    """Yield where along a line each dash starts and ends; length: of the line."""
+    edges = np.r_[0.0, np.cumsum(line.dashes)]
+    begin = -(line.dash_offset % edges[-1])
+    for turn in range(int(np.ceil((length - begin) / edges[-1]))):
+        for start, end in edges[:-1].reshape(-1, 2) + begin + turn * edges[-1]:
+            if end >= 0 and start <= length:
+                yield max(float(start), 0.0), min(float(end), length)

@@ -11,7 +11,7 @@ contour. Its value at the point of contact counts: a foot that rolls over its to
 Contours of one cycle (f, n, 2), frame k at phase k / f, x right, y down.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -26,6 +26,8 @@ FLAT = 0.01  # least height of a limb, as a share of its greatest height
 SOLE = 0.03  # share of a limb's height that touches the ground
 
 Support = Mapping[str, tuple[tuple[float, float], ...]]
+Limbs = Mapping[str, Sequence[str]]
+"""By limb: the ids of its contours."""
 
 
 class FootPath(NamedTuple):
@@ -68,43 +70,64 @@ def support_frames(spans: tuple[tuple[float, float], ...], frames: int) -> list[
     return runs
 
 
-def measure_ground(limbs: Mapping[str, Points], support: Support) -> Ground:
+def measure_ground(
+    contours: Mapping[str, Points], support: Support, limbs: Limbs | None = None
+) -> Ground:
     """Return the ground speed that fits all feet on the ground best, and how far each foot slides.
 
-    limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
+    contours: (frames, n, 2) of one cycle by id; support: spans of phase on the ground by limb;
+    limbs: see `plant_feet`.
     """
-    return _fit_ground(_foot_paths(limbs, support))
+    return _fit_ground(_foot_paths(_collect_limbs(contours, limbs), support))
 
 
-def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
-    """Return limbs, sheared so that no foot slides on the ground or is below it.
+def plant_feet(
+    contours: Mapping[str, Points], support: Support, limbs: Limbs | None = None
+) -> dict[str, Points]:
+    """Return contours, sheared limb by limb so that no foot slides on the ground or is below it.
 
-    limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase on the ground by id.
-    While a foot is lifted, the correction changes smoothly from one span to the next. Ids outside
+    contours: (frames, n, 2) of one cycle by id; support: spans of phase on the ground by limb;
+    limbs: the contours of each limb, which are sheared as one; without it, each is a limb. While a
+    foot is lifted, the correction changes smoothly from one span to the next. Limbs outside
     `support` are unchanged. FinloopError if a limb has no height.
     """
-    paths = _foot_paths(limbs, support)
+    stacks = _collect_limbs(contours, limbs)
+    paths = _foot_paths(stacks, support)
     speed = _fit_ground(paths).speed
-    return {
-        name: _shear_limb(name, stack, paths[name], speed) if name in paths else stack
-        for name, stack in limbs.items()
-    }
+    planted = dict(contours)
+    for limb, foot_paths in paths.items():
+        sheared = _shear_limb(limb, stacks[limb], foot_paths, speed)
+        planted |= dict(zip((limbs or {}).get(limb, [limb]), sheared, strict=True))
+    return planted
 
 
-def foot_displacement(limb: Points) -> Points:
-    """Return how far the foot of a limb (frames, n, 2) has moved in x since frame 0: (frames,)."""
-    steps = [_foot_shift(contour, next_contour) for contour, next_contour in pairwise(limb)]
+def _collect_limbs(contours: Mapping[str, Points], limbs: Limbs | None) -> dict[str, list[Points]]:
+    """Return the contours (frames, n, 2) of each limb; by default, each contour is a limb."""
+    if limbs is None:
+        return {name: [stack] for name, stack in contours.items()}
+    return {limb: [contours[name] for name in names] for limb, names in limbs.items()}
+
+
+def foot_displacement(*contours: Points) -> Points:
+    """Return how far the foot of a limb has moved in x since frame 0: (frames,).
+
+    contours: of the limb, (frames, n, 2) each.
+    """
+    frames = list(zip(*contours, strict=True))
+    steps = [_foot_shift(frame, next_frame) for frame, next_frame in pairwise(frames)]
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _foot_shift(contour: Points, next_contour: Points) -> float:
-    """Return how far a foot moves in x, at its place of contact, between two contours (n, 2).
+def _foot_shift(contours: Sequence[Points], next_contours: Sequence[Points]) -> float:
+    """Return how far a foot moves in x, at its place of contact, between two frames.
 
-    The contours are those of a limb, y down. A rigid motion (x, y, turn about the place of contact)
-    is fitted to the points' motion across the contour; along it they slide without the foot.
+    The contours (n, 2) are those of a limb, y down. A rigid motion (x, y, turn about the place of
+    contact) is fitted to the points' motion across the contours; along them they slide without the
+    foot.
     """
-    middle = (contour + next_contour) / 2
-    along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
+    middles = [(one + other) / 2 for one, other in zip(contours, next_contours, strict=True)]
+    along = np.concatenate([np.roll(m, -1, axis=0) - np.roll(m, 1, axis=0) for m in middles])
+    middle, step = np.concatenate(middles), np.concatenate(next_contours) - np.concatenate(contours)
     # The normal at each point. Its length, that of the point's piece of contour, weights the point.
     normal = along[:, ::-1] * [1, -1]
     y = middle[:, 1]
@@ -114,22 +137,23 @@ def _foot_shift(contour: Points, next_contour: Points) -> float:
     motion_per_radian = arm[:, 0] * normal[:, 1] - arm[:, 1] * normal[:, 0]
     # Motion across the contour: by 1 in x, by 1 in y and by a turn of 1 rad; then the true one.
     unit_motions = np.column_stack([normal, motion_per_radian])[is_foot]
-    motion = ((next_contour - contour) * normal).sum(axis=1)[is_foot]
+    motion = (step * normal).sum(axis=1)[is_foot]
     x, _y, _turn = np.linalg.lstsq(unit_motions, motion, rcond=None)[0]
     return float(x)
 
 
-def _foot_paths(limbs: Mapping[str, Points], support: Support) -> Paths:
+def _foot_paths(limbs: Mapping[str, list[Points]], support: Support) -> Paths:
     """Return, by id of the limb, a foot's path in each of its times on the ground.
 
     Limbs that are never on the ground are left out. limbs: contours (frames, n, 2) of one cycle by
-    id; support: spans of phase on the ground by id.
+    limb; support: spans of phase on the ground by limb.
     """
     paths: Paths = {}
-    for name, stack in limbs.items():
-        if runs := support_frames(support.get(name, ()), len(stack)):
+    for name, stacks in limbs.items():
+        if runs := support_frames(support.get(name, ()), len(stacks[0])):
             paths[name] = [
-                FootPath(run, foot_displacement(stack[run % len(stack)])) for run in runs
+                FootPath(run, foot_displacement(*(stack[run % len(stack)] for stack in stacks)))
+                for run in runs
             ]
     return paths
 
@@ -154,12 +178,15 @@ def _fit_ground(paths: Paths) -> Ground:
     return Ground(speed, slide)
 
 
-def _shear_limb(name: str, contours: Points, foot_paths: list[FootPath], speed: float) -> Points:
+def _shear_limb(
+    name: str, stacks: list[Points], foot_paths: list[FootPath], speed: float
+) -> list[Points]:
     """Return a limb's contours (frames, n, 2), sheared so that its foot moves with the ground.
 
     The top of the limb stays. name: of the limb, for messages; foot_paths: one for each time on the
     ground; speed: of the ground, drawing units a frame. FinloopError if the limb has no height.
     """
+    contours = np.concatenate(stacks, axis=1)
     frames = len(contours)
     top, low = contours[..., 1].min(axis=1), contours[..., 1].max(axis=1)
     if not (low - top > FLAT * (low - top).max()).all():
@@ -178,7 +205,8 @@ def _shear_limb(name: str, contours: Points, foot_paths: list[FootPath], speed: 
     foot_shift[:, 1] = np.minimum(foot_shift[:, 1], ground_y - low)  # never below the ground
     # 0 at the top of the limb, 1 in the whole foot, which keeps its shape
     share = (contours[..., 1] - top[:, None]) / (low - top)[:, None] / (1 - FOOT)
-    return contours + np.minimum(share, 1)[..., None] * foot_shift[:, None]
+    sheared = contours + np.minimum(share, 1)[..., None] * foot_shift[:, None]
+    return np.split(sheared, np.cumsum([stack.shape[1] for stack in stacks])[:-1], axis=1)
 
 
 def _fill_shifts(shift: Points) -> Points:

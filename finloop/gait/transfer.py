@@ -23,17 +23,20 @@ from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, orient_clockwise, resample_curve
-from finloop.gait.ground import Ground, Support, measure_ground, plant_feet
+from finloop.gait.ground import Ground, Limbs, Support, measure_ground, plant_feet
+from finloop.gait.groups import find_limbs, join_contours, name_partners
 from finloop.gait.model import (
     POOLED,
     Gait,
     HalfCycleLayout,
     Symmetry,
     contours_at_phases,
+    four_key_frames,
+    locate_in_subcycle,
     opposite_limb,
     reversed_order,
 )
-from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing
+from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing, mix_styles
 
 UPRIGHT = 0.02  # weight of the likeness without a turn
 FINE = 8  # start points tried between two points of a contour
@@ -79,29 +82,74 @@ def animate_drawing(
     check_sizes("cycle", frames, points, LEAST_FRAMES)
     check_pairs(key1, key2)
     key2 = fit_drawing(key2, key1.width, key1.height)
-    closed = {name: curve.closed for name, curve in key1.curves.items()}
-    keys = match_key_poses(key1, key2, gait.symmetry, points)
+    limbs = find_limbs(key1, gait)
+    new_names = name_partners(limbs, key1.curves)
+    first, second = _rename_curves(key1, new_names), _rename_curves(key2, new_names)
+    limbs = {limb: [new_names[name] for name in names] for limb, names in limbs.items()}
+    closed = {name: curve.closed for name, curve in first.curves.items()}
+    keys = match_key_poses(first, second, gait.symmetry, points)
     swap = gait.symmetry == "swap"  # an animal from the side, which may have feet
+    offsets = _standing_offsets(_join_limbs(keys[0], limbs), gait) if swap else {}
     if swap:
-        layout = HalfCycleLayout(offsets=_standing_offsets(keys[0], gait))
+        layout = HalfCycleLayout(
+            offsets={name: offsets[limb] for limb in offsets for name in limbs[limb]}
+        )
     else:
         orders = mirrored_point_orders(*keys, closed)
         layout = HalfCycleLayout(middle=key1.height / 2, orders=orders)
     phases = np.arange(frames) / frames
-    layers = contours_at_phases(
-        *keys, pool_gammas(gait), phases, layout, closed=closed, control=control
-    )
+    limb_gait = _spread_gamma(pool_gammas(gait), limbs)
+    layers = contours_at_phases(*keys, limb_gait, phases, layout, closed=closed, control=control)
+    four_keys = four_key_frames(*keys, gait.symmetry, layout)
+    layers = join_contours(layers, four_keys, limbs, closed, phases, gait.split)
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}
+    planted = plant_feet(layers, support, limbs)
+    subcycle, share = locate_in_subcycle(phases, gait.split)
+    styles = mix_styles(  # the paint of key 2 at keys 2 and 2'
+        first, second, np.where(subcycle % 2 == 0, share, 1 - share), planted, keys
+    )
+    old_names = {new: old for old, new in new_names.items()}
     tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)  # from 0 at key 1 to 1 at 1', and back
-    morph = build_morph(key1, key2, tau, plant_feet(layers, support), DIGITS, repeats=True)
+    morph = build_morph(
+        key1,
+        tau,
+        {old_names[name]: stack for name, stack in planted.items()},
+        {old_names[name]: paints for name, paints in styles.items()},
+        DIGITS,
+        repeats=True,
+    )
+    rounded = {new_names[name]: stack for name, stack in morph.layers.items()}
     return Transfer(
         morph,
-        before=_ground_in_widths(layers, support, width),
-        after=_ground_in_widths(morph.layers, support, width),
+        before=_ground_in_widths(layers, support, limbs, width),
+        after=_ground_in_widths(rounded, support, limbs, width),
         outside=_count_frames_outside(morph),
-        lifted=_find_lifted_feet(keys[1], gait, layout.offsets or {}) if swap else (),
+        lifted=_find_lifted_feet(_join_limbs(keys[1], limbs), gait, offsets) if swap else (),
     )
+
+
+def _rename_curves(drawing: Drawing, new_names: Mapping[str, str]) -> Drawing:
+    """Return a drawing with new ids; new_names: by id."""
+    curves = {new_names[name]: drawing.curves[name] for name in new_names}
+    styles = {new_names[name]: paint for name, paint in drawing.styles.items()}
+    return replace(drawing, curves=curves, styles=styles)
+
+
+def _join_limbs(key: Mapping[str, Points], limbs: Limbs) -> dict[str, Points]:
+    """Return the points (m, 2) of all contours of each limb; key: contours (n, 2) by id."""
+    return {limb: np.concatenate([key[name] for name in names]) for limb, names in limbs.items()}
+
+
+def _spread_gamma(gait: Gait, limbs: Limbs) -> Gait:
+    """Return the gait with the γ of each limb for all its contours."""
+    gamma = {
+        name: gait.gamma[limb]
+        for limb, names in limbs.items()
+        if limb in gait.gamma
+        for name in names
+    }
+    return replace(gait, gamma={**gait.gamma, **gamma})
 
 
 def _count_frames_outside(morph: Morph) -> dict[str, int]:
@@ -185,13 +233,15 @@ def _find_lifted_feet(
     return tuple(sorted(lifted))
 
 
-def _ground_in_widths(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
+def _ground_in_widths(
+    layers: Mapping[str, Points], support: Support, limbs: Limbs, width: float
+) -> Ground | None:
     """Return how the ground moves, in widths of the drawing; None if no limb is a foot.
 
-    limbs: contours (frames, n, 2) by id; support: spans of phase on the ground by id; width: of the
-    drawing, px.
+    layers: contours (frames, n, 2) by id; support: spans of phase on the ground by limb; limbs: ids
+    of the contours by limb; width: of the drawing, px.
     """
-    px = measure_ground(limbs, support)
+    px = measure_ground(layers, support, limbs)
     if not px.slide:
         return None
     slide = {name: length / width for name, length in px.slide.items()}

@@ -4,26 +4,31 @@ A file appears under its name when it is complete. SVG and both JSONs hold the m
 for digit, so the frames have exactly the counted folds.
 """
 
+import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from math import ceil
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, cast
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from finloop.base.arrays import Ints, Picture
 from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import Colour, Paint, Shape, group_contours, paint_layers
+from finloop.base.paint import Shape, group_contours, paint_layers
 from finloop.base.parallel import Threads, ordered_map
+from finloop.base.style import Colour, Fill, Gradient, Paint, give_dashes, scale_paint
 from finloop.io.atomic import save_bytes
-from finloop.io.movie import FilmWriter, Mp4Writer, WebpWriter
+from finloop.io.movie import Mp4Writer
 from finloop.io.video import THREADS
 
-CRF, QUALITY = 18, 85
+CRF = 18  # quality of MP4, 0 = best
+EFFORT = 50  # of making WebP small, 0 … 100
 SLOWEST, FASTEST = 0.1, 1000  # frames per second: the limits of a film's clock
 LARGEST_PX = 2048
 Json = dict[str, Any]
@@ -99,8 +104,6 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
     """
     grid = 10.0**morph.decimals  # units of a path in a px
     seconds = len(morph.tau) / frame_rate
-    # The frame after the last one: the first if the morph goes there and back, else the same again.
-    end_frame = 0 if morph.tau[-1] < morph.tau.max() else -1
     width, height = f"{morph.width:.10g}", f"{morph.height:.10g}"
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}"'
@@ -108,23 +111,72 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
         f'<g transform="scale({1 / grid:.10g})" stroke-linejoin="round" stroke-linecap="round"'
         ' fill-rule="evenodd">',
     ]
-    for shape in _painted_shapes(morph):
+    clock = _SvgClock(f'dur="{float(seconds):.6g}s" repeatCount="indefinite"', _end_frame(morph))
+    for number, frames in enumerate(_painted_frames(morph)):
+        shape = frames[0]
         contours = [np.round(morph.layers[name] * grid).astype(np.int64) for name in shape.layers]
         paths = [
             "".join(map(_svg_path_data, frame_contours, shape.closed))
             for frame_contours in zip(*contours, strict=True)
         ]
-        lines.append(
-            f"<path id={quoteattr(shape.name)} {_svg_paint_attributes(shape.paint, grid)}"
-            f' d={quoteattr(paths[0])}><animate attributeName="d" dur="{float(seconds):.6g}s"'
-            f' repeatCount="indefinite" values="{";".join([*paths, paths[end_frame]])}"/></path>'
-        )
+        paints = [scale_paint(frame.paint, grid, np.zeros(2)) for frame in frames]
+        kinds = _split_by_kind(paints)
+        for part, (kind_paints, is_shown) in enumerate(kinds):
+            # Gradients of two kinds need two paths, of which one is shown at a time.
+            name = f"id={quoteattr(shape.name)} " if part == 0 else ""
+            defs, attributes, animations = _svg_paint(kind_paints, clock, f"paint-{number}-{part}")
+            animations += clock.animate("d", paths)
+            if not is_shown.all():
+                words = ["visible" if shown else "hidden" for shown in is_shown]
+                attributes += f' visibility="{words[0]}"'
+                animations += clock.switch("visibility", words)
+            d = quoteattr(paths[0])
+            lines.append(f"{defs}<path {name}{attributes} d={d}>{animations}</path>")
     save_bytes(path, "\n".join([*lines, "</g>", "</svg>", ""]).encode())
 
 
-def _painted_shapes(morph: Morph) -> list[Shape]:
-    """Return the painted shapes of a morph, bottom first; one shape can hold several contours."""
-    return group_contours(morph.closed, morph.styles, max(morph.width, morph.height))
+def _painted_frames(morph: Morph) -> list[list[Shape]]:
+    """Return the painted shapes of a morph, bottom first, each as it is in every frame.
+
+    One shape can hold several contours.
+    """
+    side = max(morph.width, morph.height)
+    frames = [
+        group_contours(morph.closed, morph.paints_at(frame), side)
+        for frame in range(len(morph.tau))
+    ]
+    return [list(shapes) for shapes in zip(*frames, strict=True)]
+
+
+def _end_frame(morph: Morph) -> int:
+    """Return which frame follows the last: the first if a morph goes there and back, else -1.
+
+    -1 is the last again.
+    """
+    return 0 if morph.tau[-1] < morph.tau.max() else -1
+
+
+def _split_by_kind(paints: list[Paint]) -> list[tuple[list[Paint], NDArray[np.bool_]]]:
+    """Split the paints of a shape by the kinds of their gradients, which cannot change in a player.
+
+    For each kind, return a paint for every frame, from the nearest frame of the kind, and in which
+    frames (f,) the kind is shown.
+    """
+    kinds = [
+        tuple(
+            fill.kind if isinstance(fill, Gradient) else "colour"
+            for fill in (paint.fill, paint.stroke)
+        )
+        for paint in paints
+    ]
+    frames = np.arange(len(paints))
+    parts = []
+    for kind in dict.fromkeys(kinds):
+        is_shown = np.array([other == kind for other in kinds])
+        shown = frames[is_shown]
+        nearest = shown[np.abs(frames[:, None] - shown).argmin(axis=1)]
+        parts.append(([paints[frame] for frame in nearest], is_shown))
+    return parts
 
 
 def _svg_path_data(points: Ints, closed: bool) -> str:
@@ -133,19 +185,102 @@ def _svg_path_data(points: Ints, closed: bool) -> str:
     return f"M{points[0, 0]} {points[0, 1]}l{text}{'z' if closed else ''}"
 
 
-def _svg_paint_attributes(paint: Paint, grid: float) -> str:
-    """Return the SVG attributes that paint a shape, fill and stroke; grid: path units per px."""
-    style = {
-        kind: "none" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)
-        for kind, colour in (("fill", paint.fill), ("stroke", paint.stroke))
-    }
-    if paint.fill is not None and paint.fill_opacity < 1:
-        style["fill-opacity"] = f"{paint.fill_opacity:.4g}"
-    if paint.stroke is not None:
-        style["stroke-width"] = f"{paint.width * grid:.6g}"
-        if paint.stroke_opacity < 1:
-            style["stroke-opacity"] = f"{paint.stroke_opacity:.4g}"
-    return " ".join(f'{key}="{value}"' for key, value in style.items())
+class _SvgClock(NamedTuple):
+    """How values of every frame become animations in SVG."""
+
+    timing: str  # attributes that say how long the animation is and that it repeats
+    end_frame: int  # the frame after the last
+
+    def animate(self, attribute: str, values: Sequence[str]) -> str:
+        """Return an animation of an attribute from frame to frame; "" if it does not change."""
+        if len(set(values)) == 1 and attribute != "d":
+            return ""
+        text = ";".join([*values, values[self.end_frame]])
+        return f'<animate attributeName="{attribute}" {self.timing} values="{text}"/>'
+
+    def switch(self, attribute: str, values: Sequence[str]) -> str:
+        """Return an animation of an attribute that keeps each frame's value for its time."""
+        how = f'calcMode="discrete" {self.timing}'
+        return f'<animate attributeName="{attribute}" {how} values="{";".join(values)}"/>'
+
+
+def _svg_paint(paints: list[Paint], clock: _SvgClock, name: str) -> tuple[str, str, str]:
+    """Return the SVG gradients, attributes and animations that paint a shape, fill and stroke.
+
+    paints: of every frame, in units of the path, with gradients of one kind. name: for gradients,
+    unique in the file.
+    """
+    defs, animations = "", ""
+    attributes = dict[str, str]()
+
+    def add_values(key: str, values: list[str], usual: str = "") -> None:
+        """Add an attribute with its value in every frame, unless it always has the usual one."""
+        nonlocal animations
+        if set(values) != {usual}:
+            attributes[key] = values[0]
+            animations += clock.animate(key, values)
+
+    for key in ("fill", "stroke"):
+        fills: list[Fill] = [getattr(paint, key) for paint in paints]
+        if isinstance(fills[0], Gradient):
+            defs += _svg_gradient(cast("list[Gradient]", fills), clock, f"{name}-{key}")
+            attributes[key] = f"url(#{name}-{key})"
+        else:
+            add_values(key, [_svg_colour(cast("Colour | None", fill)) for fill in fills])
+        if fills[0] is not None:
+            opacities = [f"{getattr(paint, f'{key}_opacity'):.4g}" for paint in paints]
+            add_values(f"{key}-opacity", opacities, "1")
+    if paints[0].stroke is not None:
+        add_values("stroke-width", [f"{paint.width:.6g}" for paint in paints])
+        if dashed := next((paint for paint in paints if paint.dashes), None):
+            lines = [give_dashes(paint, dashed) for paint in paints]
+            dashes = [" ".join(f"{length:.6g}" for length in line.dashes) for line in lines]
+            add_values("stroke-dasharray", dashes)
+            add_values("stroke-dashoffset", [f"{line.dash_offset:.6g}" for line in lines], "0")
+            caps = [
+                "butt" if paint.dashes and not paint.round_dashes else "round" for paint in paints
+            ]
+            attributes["stroke-linecap"] = caps[0]
+            if len(set(caps)) > 1:
+                animations += clock.switch("stroke-linecap", caps)
+    return defs, " ".join(f'{key}="{value}"' for key, value in attributes.items()), animations
+
+
+def _svg_colour(colour: Colour | None) -> str:
+    """Return a colour as #rrggbb, or "none"."""
+    return "none" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def _svg_gradient(gradients: list[Gradient], clock: _SvgClock, name: str) -> str:
+    """Return the SVG definition of a gradient: one for each frame, and one that shows them in turn.
+
+    gradients: of every frame, of one kind, in units of the path. name: of the gradient.
+    """
+    tag = f"{gradients[0].kind}Gradient"
+    defs, names = dict[Gradient, str](), list[str]()
+    for gradient in gradients:
+        defs.setdefault(gradient, f"{name}-{len(defs)}")
+        names.append(f"#{defs[gradient]}")
+    lines = []
+    for gradient, own_name in defs.items():
+        matrix = " ".join(f"{value:.9g}" for value in gradient.matrix)
+        place = 'x1="0" y1="0" x2="1" y2="0"'
+        if gradient.kind == "radial":
+            place = 'cx="0" cy="0" r="1" fx="{:.6g}" fy="{:.6g}"'.format(*gradient.focus)
+        stops = "".join(
+            f'<stop offset="{stop.offset:.6g}" stop-color="{_svg_colour(stop.colour)}"'
+            + (f' stop-opacity="{stop.opacity:.4g}"' if stop.opacity < 1 else "")
+            + "/>"
+            for stop in gradient.stops
+        )
+        lines.append(
+            f'<{tag} id="{own_name}" gradientUnits="userSpaceOnUse" {place}'
+            f' gradientTransform="matrix({matrix})" spreadMethod="{gradient.spread}">'
+            f"{stops}</{tag}>"
+        )
+    turn = clock.switch("href", names) if len(defs) > 1 else ""
+    lines.append(f'<{tag} id="{name}" href="{names[0]}">{turn}</{tag}>')
+    return f"<defs>{''.join(lines)}</defs>"
 
 
 # --- Lottie (version 5.7), the vector animation of apps and web pages
@@ -158,7 +293,7 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px:
     per second. longer_side_px is not used: the picture is scalable.
     """
     layers = [
-        _lottie_layer(morph, shape, k) for k, shape in enumerate(_painted_shapes(morph)[::-1], 1)
+        _lottie_layer(morph, frames, k) for k, frames in enumerate(_painted_frames(morph)[::-1], 1)
     ]
     # fr: frames per second; ip, op: first frame, and the one after the last; ddd: three dimensions.
     _save_json(path, {
@@ -168,14 +303,15 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px:
     })  # fmt: skip
 
 
-def _lottie_layer(morph: Morph, shape: Shape, index: int) -> Json:
-    """Return the Lottie layer of one shape; index: the layer's number, 1 = topmost."""
+def _lottie_layer(morph: Morph, frames: list[Shape], index: int) -> Json:
+    """Return the Lottie layer of a shape, given in every frame; index: its number, 1 = topmost."""
+    shape = frames[0]
     # Opacity, rotation, position, anchor and scale that change nothing.
     transform = {"o": 100, "r": 0, "p": [0, 0], "a": [0, 0], "s": [100, 100]}
     still = {key: _lottie_constant(value) for key, value in transform.items()}
     items = [
         *(_lottie_path(morph, *part) for part in zip(shape.layers, shape.closed, strict=True)),
-        *_lottie_paints(shape.paint),
+        *_lottie_paints([frame.paint for frame in frames]),
         {"ty": "tr", **still},
     ]
     # Type 4 is a layer of shapes, "gr" a group of them, "tr" its transform.
@@ -193,33 +329,102 @@ def _lottie_path(morph: Morph, name: str, closed: bool) -> Json:
     """
     frames = morph.layers[name].tolist()
     straight = [[0, 0]] * len(frames[0])  # tangents of length 0: polylines
-    keys: list[Json] = [
-        {"t": k, "s": [{"i": straight, "o": straight, "v": points, "c": closed}]}
-        for k, points in enumerate(frames)
-    ]
+    values = [{"i": straight, "o": straight, "v": points, "c": closed} for points in frames]
+    return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": _lottie_keys(values)}}
+
+
+def _lottie_keys(values: Sequence[Any]) -> list[Json]:
+    """Return Lottie keyframes, one for the value of every frame."""
+    keys: list[Json] = [{"t": k, "s": [value]} for k, value in enumerate(values)]
     # Linear easing to the next keyframe; the last has none, or players would look for one more.
     for key in keys[:-1]:
         key |= {"i": {"x": 1, "y": 1}, "o": {"x": 0, "y": 0}}
-    return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": keys}}
+    return keys
 
 
-def _lottie_paints(paint: Paint) -> list[Json]:
-    """Return the Lottie items that paint a shape: its stroke before its fill, which lies below."""
+def _lottie_paints(paints: list[Paint]) -> list[Json]:
+    """Return the Lottie items that paint a shape: its strokes before its fills, which lie below.
 
-    def paint_item(kind: str, colour: Colour, opacity: float) -> Json:
-        """Return one Lottie stroke ("st") or fill ("fl"); opacity: 0 … 1."""
-        rgb = [round(level / 255, 4) for level in colour]
-        return {"ty": kind, "c": _lottie_constant([*rgb, 1]), "o": _lottie_constant(100 * opacity)}
+    paints: of every frame. A gradient along an ellipse becomes one along a circle of its area.
+    """
+    items: list[Json] = []
+    for key, letter in (("stroke", "s"), ("fill", "f")):
+        for kind_paints, is_shown in _split_by_kind(paints):
+            fills: list[Fill] = [getattr(paint, key) for paint in kind_paints]
+            if fills[0] is None:
+                continue
+            opacities = [
+                100 * getattr(paint, f"{key}_opacity") * bool(shown)
+                for paint, shown in zip(kind_paints, is_shown, strict=True)
+            ]
+            item: Json = {"ty": letter + "tl"[key == "fill"], "o": _lottie_values(opacities)}
+            if isinstance(fills[0], Gradient):
+                item |= {"ty": f"g{letter}"} | _lottie_gradient(cast("list[Gradient]", fills))
+            else:
+                colours = [
+                    [*(round(level / 255, 4) for level in colour), 1]
+                    for colour in cast("list[Colour]", fills)
+                ]
+                item["c"] = _lottie_values(colours)
+            item |= _lottie_line(kind_paints) if key == "stroke" else {"r": 2}  # 2: even-odd
+            items.append(item)
+    return items
 
-    paints: list[Json] = []
-    if paint.stroke is not None:
-        stroke = paint_item("st", paint.stroke, paint.stroke_opacity)
-        round_ends = {"lc": 2, "lj": 2}  # caps and joins
-        paints.append(stroke | {"w": _lottie_constant(paint.width)} | round_ends)
-    if paint.fill is not None:
-        even_odd = {"r": 2}
-        paints.append(paint_item("fl", paint.fill, paint.fill_opacity) | even_odd)
-    return paints
+
+def _lottie_line(paints: list[Paint]) -> Json:
+    """Return how wide a Lottie stroke is in every frame, and its dashes."""
+    line: Json = {"w": _lottie_values([paint.width for paint in paints]), "lc": 2, "lj": 2}
+    dashed = next((paint for paint in paints if paint.dashes), None)
+    if dashed is None:
+        return line  # 2: round ends and joins
+    paints = [give_dashes(paint, dashed) for paint in paints]
+    dashes = [
+        {"n": "dg"[k % 2], "v": _lottie_values(list(lengths))}
+        for k, lengths in enumerate(zip(*(paint.dashes for paint in paints), strict=True))
+    ]
+    offset = {"n": "o", "v": _lottie_values([paint.dash_offset for paint in paints])}
+    return line | {"d": [*dashes, offset], "lc": 2 if paints[0].round_dashes else 1}
+
+
+def _lottie_gradient(gradients: list[Gradient]) -> Json:
+    """Return a Lottie gradient: its kind, its two ends in every frame, and its stops."""
+    starts, ends, stops = list[list[float]](), list[list[float]](), list[list[float]]()
+    for gradient in gradients:
+        rows = np.reshape(gradient.matrix, (3, 2))
+        start, reach = rows[2], rows[0]
+        if gradient.kind == "radial":
+            reach = np.array([np.sqrt(abs(np.linalg.det(rows[:2]))), 0])
+        elif area := float(np.linalg.det(rows[:2])):
+            # A skewed gradient changes fastest across its lines of equal colour.
+            across = rows[1, ::-1] * [1, -1]
+            reach = across * area / (across @ across)
+        starts.append(start.tolist())
+        ends.append((start + reach).tolist())
+        # First all offsets with their colours, then all offsets with their opacities.
+        colours = [[stop.offset, *np.divide(stop.colour, 255)] for stop in gradient.stops]
+        opacities = [[stop.offset, stop.opacity] for stop in gradient.stops]
+        stops.append([round(float(value), 4) for part in (*colours, *opacities) for value in part])
+    item = {
+        "t": 1 if gradients[0].kind == "linear" else 2,
+        "s": _lottie_values(starts),
+        "e": _lottie_values(ends),
+        "g": {"p": len(gradients[0].stops), "k": _lottie_values(stops)},
+    }
+    if gradients[0].kind == "radial":
+        focus = [gradient.focus for gradient in gradients]
+        item["h"] = _lottie_values([100 * float(np.hypot(*place)) for place in focus])
+        item["a"] = _lottie_values([float(np.degrees(np.arctan2(y, x))) for x, y in focus])
+    return item
+
+
+def _lottie_values(values: list[Any]) -> Json:
+    """Return the Lottie form of a number or list that has a value in every frame."""
+    if all(value == values[0] for value in values):
+        return _lottie_constant(values[0])
+    keys = _lottie_keys(values)
+    for key in keys:
+        key["s"] = key["s"][0] if isinstance(key["s"][0], list) else key["s"]
+    return {"a": 1, "k": keys}
 
 
 def _lottie_constant(value: object) -> Json:
@@ -238,15 +443,22 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     scale = longer_side_px / max(morph.width, morph.height)
     # Both formats need even sides.
     height, width = (2 * max(1, round(side * scale / 2)) for side in (morph.height, morph.width))
-    shape = height, width, 3
-    film: FilmWriter
+    pictures = _paint_frames(morph, (height, width), scale)
     if path.suffix.lower() == ".mp4":
-        film = Mp4Writer(path, shape, frame_rate, CRF)
-    else:
-        film = WebpWriter(path, shape, frame_rate, width, QUALITY)
-    with film:
-        for picture in _paint_frames(morph, (height, width), scale):
-            film.write(picture)
+        with Mp4Writer(path, (height, width, 3), frame_rate, CRF) as film:
+            for picture in pictures:
+                film.write(picture)
+        return
+    begins_ms = [round(1000 * frame / frame_rate) for frame in range(len(morph.tau) + 1)]
+    first, *others = map(Image.fromarray, pictures)
+    # Without loss: else the coder leaves out what changes little from frame to frame, and colours
+    # that change slowly lag behind.
+    buffer = io.BytesIO()
+    first.save(
+        buffer, "webp", save_all=True, append_images=others, duration=np.diff(begins_ms).tolist(),
+        loop=0, lossless=True, quality=EFFORT, method=2,
+    )  # fmt: skip
+    save_bytes(path, buffer.getvalue())
 
 
 def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterator[Picture]:
@@ -254,10 +466,11 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
 
     shape: height and width of the pictures [px]. scale: px of the picture per px of the drawing.
     """
-    shapes = _painted_shapes(morph)
+    side = max(morph.width, morph.height)
 
     def paint_frame(frame: int) -> Picture:
         """Return the picture (h, w, 3) of the frame with a number."""
+        shapes = group_contours(morph.closed, morph.paints_at(frame), side)
         contours = [(item, [morph.layers[name][frame] for name in item.layers]) for item in shapes]
         return paint_layers(contours, shape, scale)
 

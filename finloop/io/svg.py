@@ -1,19 +1,24 @@
 """Read SVG drawings: every path command, basic shapes, transforms, groups, `use`, viewBox, styles.
 
-svgelements reads the geometry. Curved pieces become polylines that stay within FLATNESS of them. A
-path of several contours gives a layer for each: `d`, `d#2`, `d#3` …; no XML id contains "#".
+svgelements reads the geometry and applies style sheets; gradients are read here. Curved pieces
+become polylines that stay within FLATNESS of them. A path of several contours gives a layer for
+each: `d`, `d#2`, `d#3` …; no XML id contains "#".
 
 A file may come from anybody, so it is read only if it is small, shallow and needs no other file.
 Nothing is ever fetched. An entity may stand for a million others and a `use` for a million shapes:
-entities are refused, and the shapes of `use` are counted before they are drawn.
+entities are refused, and the shapes of `use` are counted before they are drawn. What would change
+the picture and is no contour, such as a clip path, is refused by name.
 """
 
 import io
+import re
 from collections import Counter
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import count, pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, Literal, NamedTuple, NoReturn, cast
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -24,6 +29,7 @@ from finloop.base.arrays import Points
 from finloop.base.drawing import Curve, Drawing, clean_curve
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
+from finloop.base.style import Colour, Fill, Gradient, Paint, Stop
 
 FLATNESS = 1e-4  # share of the larger side of the drawing
 MOST_CONTOURS = 1000
@@ -40,13 +46,39 @@ _SVG = "{http://www.w3.org/2000/svg}"
 _HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
 # Nothing of these is a contour of its own.
 _NO_CONTOURS = {
-    *("image", "text", "script", "foreignObject", "metadata", "animate", "filter"),
-    *("marker", "mask", "clipPath", "pattern", "linearGradient", "radialGradient"),
+    *("image", "script", "foreignObject", "metadata", "animate", "filter"),
+    *("marker", "mask", "clipPath"),
 }
+_GRADIENTS = ("linearGradient", "radialGradient")
+# What changes how a shape looks and is no contour, by attribute: its name, and what to do.
+_REFUSED = {
+    "clip-path": ("a clip path", "release clip paths, or cut the shapes with them"),
+    "mask": ("a mask", "release masks, or cut the shapes with them"),
+    "filter": ("a filter", "remove filters, such as blur and shadow"),
+    "pattern": ("a pattern", "fill with colours or gradients in place of patterns"),
+    "marker": ("a marker", "turn markers, such as arrow heads, into paths"),
+    "text": ("text", "turn text into paths"),
+}
+_RECT = ("x", "y", "width", "height")
+_NO_IDLE_CLIP = {"transform", "clipPathUnits", "rx", "ry"}
+_MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
+_PPI = 96  # px in an inch
 _MOST_PIECES = 500  # pieces of one curved segment
+_MOST_PARTS = 64  # stops of a gradient, and lengths of a dashed line
+_NEAREST_FOCUS = 0.99  # radii from the centre of a gradient to its focus
 # What svgelements raises where it does not understand a drawing.
 _MISREAD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
-_GRADIENT = "#808080"  # stands for gradients and patterns
+
+
+class _Shown(NamedTuple):
+    """A shape that a drawing shows, and what the groups around it say of it."""
+
+    name: str
+    name_is_id: bool  # whether the name is its XML id, which must not change
+    shape: Any  # as svgelements reads it
+    groups: tuple[str, ...]  # ids of the groups around it, the nearest first
+    opacity: float  # of it and all groups around it, 0 … 1
+    refused: frozenset[str]  # keys of `_REFUSED`
 
 
 class _Contour(NamedTuple):
@@ -55,7 +87,17 @@ class _Contour(NamedTuple):
     name: str
     name_is_id: bool  # whether the name is its XML id, which must not change
     curve: Curve
-    style: str  # SVG style text; "" if nothing paints it
+    groups: tuple[str, ...]  # ids of the groups around it, the nearest first
+    paint: Paint | None  # None if nothing paints it
+
+
+@dataclass(frozen=True)
+class _Servers:
+    """What fills may refer to: elements by id, such as gradients; and how styles apply to stops."""
+
+    elements: Mapping[str, ElementTree.Element]
+    values: Mapping[str, Any]  # of stops, after style sheets, by id
+    size: tuple[float, float]  # width and height of the picture, in units of its viewBox
 
 
 def load_svg(path: Path) -> Drawing:
@@ -63,13 +105,18 @@ def load_svg(path: Path) -> Drawing:
 
     A contour without an id takes that of the nearest group or `use` around it, else "contour"; if
     several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is
-    no SVG that may be read, has no contour, an invalid one (see `clean_curve`), or two with one id.
+    no SVG that may be read, has no contour, an invalid one (see `clean_curve`), two with one id, or
+    shows anything of `_REFUSED`.
     """
     tree = _load_safe_tree(path)
     try:
         source = io.BytesIO(ElementTree.tostring(tree))
-        picture = svg.SVG.parse(source, reify=True, on_error="raise")
-        contours = list(_shown_contours(picture)) if isinstance(picture, svg.SVG) else []
+        picture = svg.SVG.parse(source, reify=False, on_error="raise")
+        if not isinstance(picture, svg.SVG):
+            picture = svg.SVG()
+        shown = list(_shown_shapes(picture))
+        _refuse_parts(path, tree, shown)
+        contours = list(_shown_contours(picture, shown, _find_servers(tree, picture)))
     except _MISREAD as error:
         raise FinloopError(
             f"{path} cannot be understood ({error!r})",
@@ -79,8 +126,8 @@ def load_svg(path: Path) -> Drawing:
     if not contours:
         raise FinloopError(
             f"{path} has no contour",
-            "at least one path or shape that is shown; text and pictures do not count",
-            "turn text into paths, and show hidden layers",
+            "at least one path or shape that is shown; pictures do not count",
+            "trace pictures, and show hidden layers",
         )
     if len(contours) > MOST_CONTOURS:
         raise FinloopError(
@@ -90,12 +137,13 @@ def load_svg(path: Path) -> Drawing:
         )
     by_name = dict(zip(_unique_names(path, contours), contours, strict=True))
     curves = {name: clean_curve(contour.curve, name) for name, contour in by_name.items()}
-    styles = {name: contour.style for name, contour in by_name.items() if contour.style}
+    styles = {name: contour.paint for name, contour in by_name.items() if contour.paint}
+    groups = {name: contour.groups for name, contour in by_name.items() if contour.groups}
     width, height = picture.width, picture.height
     if not {"viewBox", "width", "height"} & tree.attrib.keys():  # the file states no size
         corner = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
         width, height = np.maximum(corner, 1)
-    return Drawing(curves, float(width), float(height), styles)
+    return Drawing(curves, float(width), float(height), styles, groups)
 
 
 # --- names
@@ -125,40 +173,91 @@ def _unique_names(path: Path, contours: list[_Contour]) -> list[str]:
     return unique_names
 
 
-def _named_shapes(group: Any, default_name: str) -> Iterator[tuple[str, bool, Any]]:
-    """Yield (name, whether the name is its own XML id, shape) for every shape in an SVG group.
+def _shown_shapes(picture: Any) -> Iterator[_Shown]:
+    """Yield every shape that a drawing shows; picture: the drawing as svgelements reads it.
 
-    default_name: given to shapes that neither have an id nor lie in a group with one.
+    A shape without an id of its own takes that of what is around it, else "contour".
     """
-    for child in group:
-        child_id = child.id or ""
+    top = _Shown("contour", False, picture, (), 1.0, frozenset())
+    for shown in _shapes_within(top):
+        if shown.shape.values.get("visibility") not in ("hidden", "collapse"):
+            yield shown
+
+
+def _shapes_within(group: _Shown) -> Iterator[_Shown]:
+    """Yield every shape in a group; group: as if it were a shape."""
+    for child in group.shape:
+        stated = child.values.get("attributes", {})  # without what groups around it state
+        child_id = _decode_id(child.id or "")
+        shown = _Shown(
+            child_id or group.name,
+            bool(child_id),
+            child,
+            group.groups,
+            group.opacity * _parse_opacity(stated.get("opacity")),
+            group.refused | {key for key in _REFUSED if stated.get(key, "none") != "none"},
+        )
+        within = shown._replace(groups=(child_id, *group.groups) if child_id else group.groups)
         # A `use` shows shapes whose ids stand elsewhere in the file: those are not its own.
         if isinstance(child, svg.Use):
-            for name, _, shape in _named_shapes(child, child_id or default_name):
-                yield child_id or name, False, shape
-        elif isinstance(child, svg.Shape):
-            yield child_id or default_name, bool(child_id), child
+            for part in _shapes_within(within):
+                yield part._replace(name=child_id or part.name, name_is_id=False)
+        elif isinstance(child, svg.Shape) or "text" in shown.refused:
+            yield shown
         elif isinstance(child, list):  # a group
-            yield from _named_shapes(child, child_id or default_name)
+            yield from _shapes_within(within)
+
+
+def _decode_id(text: str) -> str:
+    """Return an id as it was typed: Illustrator writes `fore_left` as `fore_x5F_left`."""
+    return re.sub(r"_x([0-9A-F]{2,4})_", lambda code: chr(int(code[1], 16)), text)
+
+
+def _refuse_parts(path: Path, tree: ElementTree.Element, shown: list[_Shown]) -> None:
+    """Raise FinloopError, with all problems, if shapes look different from their contours.
+
+    path: of the file, for messages; tree: of the file; shown: its shapes.
+    """
+    patterns = {element.get("id", "") for element in tree.iter() if _tag(element) == "pattern"}
+    names_by_kind = dict[str, list[str]]()
+    for name, _, shape, _, _, refused in shown:
+        kinds = set(refused)
+        if any(shape.values.get(marker, "none") != "none" for marker in _MARKERS):
+            kinds.add("marker")
+        if any(_fill_target(shape.values.get(key)) in patterns for key in ("fill", "stroke")):
+            kinds.add("pattern")
+        for kind in kinds:
+            names_by_kind.setdefault(kind, []).append(name)
+    if names_by_kind:
+        said, advice = [], []
+        for kind, (what, do) in _REFUSED.items():
+            if names := list(dict.fromkeys(names_by_kind.get(kind, []))):
+                few = ", ".join(map(repr, names[:3])) + (" …" if len(names) > 3 else "")
+                said.append(f"{what} ({few})")
+                advice.append(do)
+        raise FinloopError(
+            f"{path} shows {', '.join(said)}",
+            "paths and shapes with colours, gradients, lines and dashes",
+            "; ".join(advice),
+        )
 
 
 # --- contours
 
 
-def _shown_contours(picture: Any) -> Iterator[_Contour]:
+def _shown_contours(picture: Any, shown: list[_Shown], servers: _Servers) -> Iterator[_Contour]:
     """Yield every contour that a drawing shows; picture: the drawing as svgelements reads it.
 
-    A shape that has no id of its own takes that of what is around it. The second and later contours
-    of a shape `d`, such as the hole of a letter, are named `d#2`, `d#3` ….
+    The second and later contours of a shape `d`, such as the hole of a letter, are named `d#2`,
+    `d#3` …. shown: the shapes of the drawing.
     """
     tolerance_px = FLATNESS * max(float(picture.width), float(picture.height))
-    for name, name_is_id, shape in _named_shapes(picture, "contour"):
-        if shape.values.get("visibility") in ("hidden", "collapse"):
-            continue
-        style = _paint_style(shape)
+    for name, name_is_id, shape, groups, opacity, _ in shown:
+        paint = _read_paint(shape, opacity, servers)  # before the shape changes its coordinates
+        shape.reify()
         for number, curve in enumerate(_shape_contours(shape, tolerance_px), 1):
             contour_name = f"{name}{PART}{number}" if number > 1 else name
-            yield _Contour(contour_name, name_is_id, curve, style)
+            yield _Contour(contour_name, name_is_id, curve, groups, paint)
 
 
 def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:
@@ -254,39 +353,167 @@ def _to_points(*points: Any) -> Points:
 # --- styles
 
 
-def _paint_style(shape: Any) -> str:
-    """Return the SVG style that paints a shape (fill, stroke, width, opacity); "" if none."""
-    shape_opacity = _parse_opacity(shape.values.get("opacity"))
-    colours = {"fill": shape.fill, "stroke": shape.stroke}
-    style = {key: _css_colour(colour, shape.values.get(key)) for key, colour in colours.items()}
-    if set(style.values()) == {"none"}:
-        return ""
-    for key, colour in colours.items():
-        if style[key] != "none" and (opacity := shape_opacity * float(colour.opacity)) < 1:
-            style[f"{key}-opacity"] = f"{opacity:.4g}"
-    if style["stroke"] != "none":
-        style["stroke-width"] = f"{shape.implicit_stroke_width:.6g}"
-    return ";".join(f"{key}:{value}" for key, value in style.items())
+def _read_paint(shape: Any, opacity: float, servers: _Servers) -> Paint | None:
+    """Return how a shape is painted, in px of the viewport; None if nothing paints it.
 
-
-def _css_colour(colour: Any, text: object) -> str:
-    """Return a colour as #rrggbb, or "none"; for a gradient or pattern, a grey.
-
-    text: the colour as the file writes it; svgelements drops gradients.
+    shape: before `reify`. opacity: of it and the groups around it, 0 … 1.
     """
-    if str(text).startswith("url("):
-        return _GRADIENT
+    fill, fill_opacity = _read_fill(shape, "fill", shape.fill, servers)
+    stroke, stroke_opacity = _read_fill(shape, "stroke", shape.stroke, servers)
+    if fill is None and stroke is None:
+        return None
+    width = float(shape.implicit_stroke_width)
+    dashes = _read_dashes(shape, width, servers.size) if stroke is not None else ()
+    return Paint(fill, stroke, opacity * fill_opacity, opacity * stroke_opacity, width, *dashes)
+
+
+def _read_fill(shape: Any, key: str, colour: Any, servers: _Servers) -> tuple[Fill, float]:
+    """Return a shape's fill or stroke and its opacity; key: "fill" or "stroke".
+
+    colour: as svgelements reads it, which does not know gradients.
+    """
+    text = str(shape.values.get(key))
+    stated = _parse_opacity(shape.values.get(f"{key}-opacity"))
+    if target := _fill_target(text):
+        if target in servers.elements:
+            return _read_gradient(target, shape, servers), stated
+        text = text.partition(")")[2].strip()  # the colour in place of what is missing
+        colour = svg.Color(text) if text else None
     if colour is None or colour.value is None:
-        return "none"
-    return f"#{colour.red:02x}{colour.green:02x}{colour.blue:02x}"
+        return None, 1.0
+    return (colour.red, colour.green, colour.blue), float(colour.opacity)
+
+
+def _fill_target(text: object) -> str | None:
+    """Return the id that a fill or stroke refers to: of `url(#id)`; None if it is a colour."""
+    found = re.match(r"""url\(\s*["']?#(.+?)["']?\s*\)""", str(text))
+    return found[1] if found else None
+
+
+def _find_servers(tree: ElementTree.Element, picture: Any) -> _Servers:
+    """Return the gradients of a drawing; picture: the drawing as svgelements reads it."""
+    elements = {
+        element.attrib["id"]: element
+        for element in tree.iter()
+        if _tag(element) in _GRADIENTS and "id" in element.attrib
+    }
+    box = picture.viewbox
+    size = (picture.width, picture.height) if box is None else (box.width, box.height)
+    return _Servers(elements, picture.objects, (float(size[0]), float(size[1])))
+
+
+def _read_gradient(name: str, shape: Any, servers: _Servers) -> Gradient | None:
+    """Return the gradient with an id as it fills a shape; None if it paints nothing.
+
+    It has the attributes and stops of the gradient that it refers to, where it states none.
+    """
+    chain, reference = list[ElementTree.Element](), name
+    while (element := servers.elements.get(reference)) is not None and element not in chain:
+        chain.append(element)
+        reference = _href(element)[1:]
+    stated = dict[str, str]()
+    for element in chain[::-1]:
+        stated |= element.attrib
+    stops = next((stops for element in chain if (stops := _read_stops(element, servers))), ())
+    in_box = stated.get("gradientUnits") != "userSpaceOnUse"
+    to_drawing = svg.Matrix(shape.transform)
+    if in_box:  # lengths are shares of the shape's box
+        left, top, right, bottom = shape.bbox(transformed=False)
+        if left == right or top == bottom:
+            return None
+        to_drawing = svg.Matrix(right - left, 0, 0, bottom - top, left, top) * to_drawing
+    to_drawing = svg.Matrix(stated.get("gradientTransform", "")) * to_drawing
+    width, height = (1.0, 1.0) if in_box else servers.size
+
+    def coordinate(key: str, usual: str) -> float:
+        """Return an attribute that is a length along x, along y, or neither (r)."""
+        text = stated.get(key, usual).strip()
+        diagonal = float(np.hypot(width, height) / np.sqrt(2))
+        whole = {"x": width, "y": height}.get(key.strip("cf12"), diagonal)
+        return _parse_length(text, whole)
+
+    kind: Literal["linear", "radial"] = "linear"
+    focus = 0.0, 0.0
+    if _tag(chain[0]) == "linearGradient":
+        x1, y1 = coordinate("x1", "0%"), coordinate("y1", "0%")
+        x2, y2 = coordinate("x2", "100%"), coordinate("y2", "0%")
+        own = svg.Matrix(x2 - x1, y2 - y1, y1 - y2, x2 - x1, x1, y1)
+    else:
+        kind = "radial"
+        cx, cy, r = (coordinate(key, "50%") for key in ("cx", "cy", "r"))
+        off = np.array([coordinate("fx", str(cx)) - cx, coordinate("fy", str(cy)) - cy]) / (r or 1)
+        off *= min(1, _NEAREST_FOCUS / max(float(np.hypot(*off)), 1e-9))
+        focus = float(off[0]), float(off[1])
+        own = svg.Matrix(r, 0, 0, r, cx, cy)
+    m = own * to_drawing
+    spread: Literal["pad", "reflect", "repeat"] = "pad"
+    if (stated_spread := stated.get("spreadMethod")) in ("reflect", "repeat"):
+        spread = cast('Literal["reflect", "repeat"]', stated_spread)
+    return Gradient(kind, stops, (m.a, m.b, m.c, m.d, m.e, m.f), focus, spread) if stops else None
+
+
+def _read_stops(gradient: ElementTree.Element, servers: _Servers) -> tuple[Stop, ...]:
+    """Return the stops of a gradient; FinloopError if there are too many."""
+    stops = list[Stop]()
+    for element in gradient:
+        if _tag(element) != "stop":
+            continue
+        values = servers.values[element.attrib["id"]].values
+        colour = svg.Color(values.get("stop-color", "black"))
+        opacity = _parse_opacity(values.get("stop-opacity")) * float(colour.opacity)
+        offset = min(max(_parse_length(values.get("offset", "0"), 1.0), 0.0), 1.0)
+        offset = max(offset, stops[-1].offset) if stops else offset
+        rgb: Colour = (colour.red, colour.green, colour.blue)
+        stops.append(Stop(offset, rgb, opacity))
+    _refuse_many("a gradient", len(stops), "stops")
+    return tuple(stops)
+
+
+def _read_dashes(
+    shape: Any, width: float, size: tuple[float, float]
+) -> tuple[tuple[float, ...], float, bool]:
+    """Return a shape's dashes and gaps, their offset, and whether their ends are round.
+
+    width: of its stroke, in px of the viewport; size: of the picture, for lengths in per cent.
+    Square ends make dashes longer by the width, and gaps shorter.
+    """
+    texts = re.split(r"[\s,]+", str(shape.values.get("stroke-dasharray", "")).strip())
+    if texts in ([""], ["none"]):
+        return (), 0.0, False
+    _refuse_many("a dashed line", len(texts), "lengths")
+    diagonal = float(np.hypot(*size) / np.sqrt(2))
+    # px of the viewport in a unit of the shape
+    scale = width / shape.stroke_width if shape.stroke_width else 1.0
+    lengths = [scale * _parse_length(text, diagonal) for text in texts]
+    offset = scale * _parse_length(str(shape.values.get("stroke-dashoffset", "0")), diagonal)
+    lengths = lengths * 2 if len(lengths) % 2 else lengths
+    ends = shape.values.get("stroke-linecap", "butt")
+    if ends == "square":
+        gaps = [min(width, gap) for gap in lengths[1::2]]
+        lengths[::2] = [dash + gap for dash, gap in zip(lengths[::2], gaps, strict=True)]
+        lengths[1::2] = [gap - less for gap, less in zip(lengths[1::2], gaps, strict=True)]
+        offset += width / 2
+    if min(lengths) < 0 or not any(lengths[1::2]):
+        return (), 0.0, False  # as SVG says of negative lengths
+    return tuple(lengths), offset, ends == "round"
+
+
+def _refuse_many(what: str, count: int, parts: str) -> None:
+    """Raise FinloopError if something has more than _MOST_PARTS parts."""
+    if count > _MOST_PARTS:
+        raise FinloopError(f"{what} of {count} {parts}", f"at most {_MOST_PARTS}", "simplify it")
+
+
+def _parse_length(text: str, whole: float) -> float:
+    """Return a length in px; whole: what 100 % is."""
+    return float(svg.Length(text).value(ppi=_PPI, relative_length=whole))
 
 
 def _parse_opacity(text: str | None) -> float:
     """Return the opacity, 0 … 1, that a text states; 1 if it states none."""
-    try:
-        return min(max(float(text or 1), 0), 1)
-    except ValueError:
-        return 1.0
+    with suppress(ValueError):
+        return min(max(_parse_length(text or "1", 1.0), 0), 1)
+    return 1.0
 
 
 # --- what may be read
@@ -317,6 +544,7 @@ def _load_safe_tree(path: Path) -> ElementTree.Element:
         raise FinloopError(
             f"{path} holds <{_tag(root)}>, no SVG", "an SVG drawing", "save the drawing as SVG"
         )
+    _drop_idle_clips(root)
     _keep_contours(root)
     styles = [element.text or "" for element in root.iter() if _tag(element) == "style"]
     if (characters := sum(map(len, styles))) > MOST_STYLE:
@@ -357,20 +585,63 @@ def _tag(element: ElementTree.Element) -> str:
 
 
 def _keep_contours(root: ElementTree.Element) -> None:
-    """Remove elements that draw no contour; move symbols, which only a `use` shows, to `defs`.
+    """Change a tree, given by its root, so that svgelements draws only contours.
 
-    root: the tree, which is changed.
+    Elements that draw no contour are removed, except patterns, which fills may refer to. Symbols,
+    which only a `use` shows, move to `defs`, style sheets to the front. Text becomes an empty group
+    with an attribute `text`. Stops of gradients get ids.
     """
     hidden = ElementTree.Element(f"{_SVG}defs")
+    first = ElementTree.Element(f"{_SVG}defs")
+    numbers = count()
     for parent in list(root.iter()):
         for child in list(parent):
-            if _tag(child) in _NO_CONTOURS:
+            tag = _tag(child)
+            if tag in _NO_CONTOURS:
                 parent.remove(child)
-            elif _tag(child) == "symbol":
+            elif tag == "symbol":
                 child.tag = f"{_SVG}{'svg' if 'viewBox' in child.attrib else 'g'}"
                 parent.remove(child)
                 hidden.append(child)
+            elif tag == "style":
+                parent.remove(child)
+                first.append(child)
+            elif tag == "pattern":
+                child[:] = []
+            elif tag == "text":
+                words = "".join(child.itertext()).strip()
+                child[:], child.tag = [], f"{_SVG}g"
+                child.set("text", "shown" if words else "none")
+                child.set("id", child.get("id") or words[:20] or "text")
+            elif tag == "stop":
+                child.set("id", f"{PART}{next(numbers)}")
+    root.insert(0, first)
     root.append(hidden)
+
+
+def _drop_idle_clips(root: ElementTree.Element) -> None:
+    """Remove references to clip paths that are the whole picture, as Figma and Illustrator write.
+
+    root: of the tree, which is changed.
+    """
+    box = root.get("viewBox") or f"0 0 {root.get('width')} {root.get('height')}"
+    idle = set[str | None]()
+    for clip in (element for element in root.iter() if _tag(element) == "clipPath"):
+        rect = clip[0] if len(clip) == 1 and _tag(clip[0]) == "rect" else None
+        if rect is None or _NO_IDLE_CLIP & (clip.attrib.keys() | rect.keys()):
+            continue
+        with suppress(ValueError):
+            x, y, width, height = (float(rect.get(key, 0)) for key in _RECT)
+            left, top, across, down = map(float, re.split(r"[\s,]+", box.strip()))
+            is_covered = x <= left and y <= top
+            if is_covered and x + width >= left + across and y + height >= top + down:
+                idle.add(clip.get("id"))
+    groups = [root]  # and those within them that no transform moves
+    while groups:
+        group = groups.pop()
+        if "clip-path" in group.attrib and _fill_target(group.get("clip-path")) in idle:
+            del group.attrib["clip-path"]
+        groups += [child for child in group if "transform" not in child.attrib]
 
 
 def _use_target(path: Path, element: ElementTree.Element) -> str | None:
@@ -380,16 +651,19 @@ def _use_target(path: Path, element: ElementTree.Element) -> str | None:
     """
     if _tag(element) != "use":
         return None
-    for name in _HREFS:
-        if reference := element.get(name, "").strip():
-            if reference.startswith("#"):
-                return reference[1:]
-            raise FinloopError(
-                f"{path} shows a shape of another file: {reference[:100]!r}, which is not fetched",
-                "an SVG that holds all its shapes",
-                "copy the shape into the drawing",
-            )
-    return None
+    reference = _href(element)
+    if reference and not reference.startswith("#"):
+        raise FinloopError(
+            f"{path} shows a shape of another file: {reference[:100]!r}, which is not fetched",
+            "an SVG that holds all its shapes",
+            "copy the shape into the drawing",
+        )
+    return reference[1:] or None
+
+
+def _href(element: ElementTree.Element) -> str:
+    """Return what an XML element refers to, such as "#id"; "" if nothing."""
+    return next((text for name in _HREFS if (text := element.get(name, "").strip())), "")
 
 
 def _refuse_large(path: Path, root: ElementTree.Element) -> None:

@@ -16,6 +16,7 @@ from finloop.base.arrays import Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART, shape_of
+from finloop.base.style import Gradient, Paint, mix_paints, move_paint, scale_paint
 from finloop.curve.contour import Curve
 from finloop.curve.dynamics import Material, Problem, solve_motion
 from finloop.curve.wavelet import close_by_mirroring
@@ -98,24 +99,28 @@ def morph_drawings(
                 for number, stack in enumerate(stacks, start=1)
             }
     digits = DIGITS if method == "fold_free" else DIGITS[:1]
-    return build_morph(a, b, np.linspace(0, 1, frames), layers, digits)
+    tau = np.linspace(0, 1, frames)
+    ends = [{name: stack[end] for name, stack in layers.items()} for end in (0, -1)]
+    styles = mix_styles(a, b, tau, layers, ends)
+    return build_morph(a, tau, layers, styles, digits)
 
 
 def build_morph(
     a: Drawing,
-    b: Drawing,
     tau: Points,
     layers: dict[str, Points],
+    styles: dict[str, tuple[Paint, ...]],
     digits: Sequence[int],
     repeats: bool = False,
 ) -> Morph:
     """Return a morph made of given frames: coordinates rounded, folds counted.
 
     Its `continuous` says of each contour whether it is proved that no fold lies between frames.
-    a, b: the drawings; `a` gives the size of the picture, both give styles. tau (f,): share of the
-    way to `b` in every frame; layers: contours (f, n, 2) by id. digits: to how many significant
-    digits of the picture's larger side coordinates are rounded: the first number with which no
-    frame folds, else the last. repeats: whether the first frame follows the last.
+    a: the first drawing, which gives the size of the picture. tau (f,): share of the way to the
+    second drawing in every frame; layers: contours (f, n, 2) by id; styles: f paints by id.
+    digits: to how many significant digits of the picture's larger side coordinates are rounded: the
+    first number with which no frame folds, else the last. repeats: whether the first frame follows
+    the last.
     """
     closed = {name: a.curves[name].closed if name in a.curves else True for name in layers}
     shapes = _contours_by_shape(layers)
@@ -146,7 +151,7 @@ def build_morph(
         closed=closed,
         folds=folds,
         continuous=continuous,
-        styles=b.styles | a.styles,
+        styles=styles,
         width=a.width,
         height=a.height,
         decimals=decimals,
@@ -233,6 +238,47 @@ def _require_near(name: str, stack: Points, side: float) -> None:
             f"at most {REACH} times its size",
             "move the contour into the picture, or set the viewBox around the contours",
         )
+
+
+def mix_styles(
+    a: Drawing,
+    b: Drawing,
+    shares: Points,
+    layers: Mapping[str, Points],
+    ends: Sequence[Mapping[str, Points]],
+) -> dict[str, tuple[Paint, ...]]:
+    """Return, by id, how each contour is painted in every frame between two drawings.
+
+    A contour that only one drawing paints has that paint throughout. A gradient moves with its
+    contour: from either drawing by the affine motion that fits the motion of the points best.
+    shares (f,): of the way from `a` to `b` in every frame; layers: contours (f, n, 2) by id; ends:
+    of a and of b, the same points (n, 2) by id.
+    """
+    styles = dict[str, tuple[Paint, ...]]()
+    for name, stack in layers.items():
+        paints = [drawing.styles[name] for drawing in (a, b) if name in drawing.styles]
+        if paints:
+            moved = [
+                _move_with_contour(paint, end[name], stack)
+                for paint, end in zip((paints[0], paints[-1]), ends, strict=True)
+            ]
+            styles[name] = tuple(map(mix_paints, *moved, shares.tolist()))
+    return styles
+
+
+def _move_with_contour(paint: Paint, contour: Points, stack: Points) -> list[Paint]:
+    """Return the paint of a contour (n, 2), its gradients moved to each of the frames (f, n, 2)."""
+    if not any(isinstance(fill, Gradient) for fill in (paint.fill, paint.stroke)):
+        return [paint] * len(stack)
+    centre, centres = contour.mean(axis=0), stack.mean(axis=1)
+    # Least squares; where a straight contour leaves the motion open, the smallest matrix.
+    turns = np.eye(2) + np.linalg.pinv(contour - centre, rcond=1e-6) @ (
+        stack - centres[:, None] - (contour - centre)
+    )
+    return [
+        move_paint(paint, turn, goal - centre @ turn)
+        for turn, goal in zip(turns, centres, strict=True)
+    ]
 
 
 def _morph_contour(
@@ -328,7 +374,8 @@ def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
         name: Curve(curve.points * scale + shift, curve.closed)
         for name, curve in drawing.curves.items()
     }
-    return Drawing(curves, width, height, drawing.styles)
+    styles = {name: scale_paint(paint, scale, shift) for name, paint in drawing.styles.items()}
+    return Drawing(curves, width, height, styles, drawing.groups)
 
 
 def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:

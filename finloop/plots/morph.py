@@ -21,9 +21,9 @@ def draw_morphs(morphs: Mapping[str, Morph]) -> Picture:
     rows = []
     for name, morph in morphs.items():
         side = max(morph.width, morph.height)
-        shapes = group_contours(morph.closed, morph.styles, side)
         tiles = []
         for frame in np.linspace(0, len(morph.tau) - 1, _COLUMNS).round().astype(int):
+            shapes = group_contours(morph.closed, morph.paints_at(frame), side)
             contours = [
                 (shape, [morph.layers[layer][frame] for layer in shape.layers]) for shape in shapes
             ]

@@ -1,0 +1,187 @@
+"""Limbs of several contours: the contours of a group of a drawing move as one (curve paper §4.2).
+
+A limb is a contour or a group of contours, such as a leg, its paw and a patch. Each contour is
+blended between its own two poses. The points of a leg and of its paw then run a little differently
+along their contours, and with a γ per scale at different times. So all contours but the largest are
+shifted: each keeps the place at its neighbour that it has in both key poses.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from finloop.base.arrays import Floats, Points
+from finloop.base.drawing import Drawing
+from finloop.base.errors import FinloopError
+from finloop.base.paint import shape_of
+from finloop.gait.ground import Limbs
+from finloop.gait.model import Gait, locate_in_subcycle, opposite_limb
+
+NEAR = 0.001  # share of a contour's size: contours that are nearer than this touch
+POWER = 3  # of distances, in the weights of shifts
+FAR = 5  # a point that is so many times nearer to the carrier than to another moves by itself
+CUT = 0.5  # share of the distance between two points that corners may be cut by, in both keys
+
+Keys = Sequence[Mapping[str, Points]]
+
+
+def find_limbs(drawing: Drawing, gait: Gait) -> dict[str, list[str]]:
+    """Return the ids of the contours of each limb, by limb, in drawing order.
+
+    The limb of a contour is the first that the gait names of: its id, its groups from the nearest
+    outwards. Else it is its nearest group that does not hold the whole drawing, or its own id.
+    """
+    named = gait.gamma.keys() | gait.support.keys()
+    everything = set.intersection(*(set(drawing.groups.get(name, ())) for name in drawing.curves))
+    limbs = dict[str, list[str]]()
+    for name in drawing.curves:
+        shape = shape_of(name)
+        groups = drawing.groups.get(name, ())
+        known = (
+            limb
+            for limb in (shape, *groups)
+            if limb in named or opposite_limb(limb, named) in named
+        )
+        outer = (group for group in groups if group not in everything)
+        limbs.setdefault(next(known, next(outer, shape)), []).append(name)
+    return limbs
+
+
+def name_partners(limbs: Limbs, names: Mapping[str, object]) -> dict[str, str]:
+    """Return new ids of contours, by id, by which contours of left and right limbs are partners.
+
+    Contours keep ids that say so already, such as `paw_left`. Others are numbered in their limb:
+    `fore_left`, `fore_left/2`. names: of all contours. FinloopError if a limb and its partner have
+    different numbers of contours.
+    """
+    new_names = dict[str, str]()
+    for limb, contours in limbs.items():
+        partner = opposite_limb(limb, limbs)
+        count, partner_count = len(contours), len(limbs[partner])
+        if count != partner_count:
+            raise FinloopError(
+                f"the limb {limb!r} has {count} contours, {partner!r} {partner_count}",
+                "the same contours in left and right limbs, in the same order",
+                f"draw what one of {limb!r} and {partner!r} lacks",
+            )
+        twins = {name: opposite_limb(name, names) for name in contours}
+        is_paired = partner == limb or all(
+            twin != name and twin in limbs[partner] for name, twin in twins.items()
+        )
+        for number, name in enumerate(contours, 1):
+            numbered = limb if number == 1 else f"{limb}/{number}"
+            new_names[name] = name if is_paired else numbered
+    return new_names
+
+
+def join_contours(
+    layers: Mapping[str, Points],
+    keys: Keys,
+    limbs: Limbs,
+    closed: Mapping[str, bool],
+    phases: Floats,
+    split: float,
+) -> dict[str, Points]:
+    """Return contours (frames, n, 2) by id, shifted so that the contours of a limb stay together.
+
+    layers: contours at phases (frames,) of a gait cycle; keys: key frames 1, 2, 1', 2', contours
+    (n, 2) by id; closed: by id; split: phase of key 2. In the key frames nothing moves.
+    """
+    joined = {name: stack.copy() for name, stack in layers.items()}
+    subcycle, tau = locate_in_subcycle(phases, split)
+    for names in limbs.values():
+        for name, carrier in _find_carriers(names, keys[0]):
+            for number in range(4):
+                frames = subcycle == number
+                start, end = keys[number], keys[(number + 1) % 4]
+                joined[name][frames] += _shifts_to_carrier(
+                    joined[name][frames],
+                    joined[carrier][frames],
+                    [(key[name], key[carrier]) for key in (start, end)],
+                    tau[frames],
+                    closed[carrier],
+                )
+    return joined
+
+
+def _find_carriers(names: Sequence[str], key: Mapping[str, Points]) -> list[tuple[str, str]]:
+    """Return (contour, its carrier) for all contours of a limb but the largest.
+
+    A carrier is the nearest contour among the largest and those before. key: contours (n, 2) by id.
+    """
+    largest = max(names, key=lambda name: float(np.hypot(*np.ptp(key[name], axis=0))))
+    placed, left, pairs = [largest], [name for name in names if name != largest], []
+    while left:
+        gaps = {
+            (name, carrier): np.linalg.norm(key[name][:, None] - key[carrier], axis=-1).min()
+            for name in left
+            for carrier in placed
+        }
+        name, carrier = min(gaps, key=lambda pair: gaps[pair])
+        pairs.append((name, carrier))
+        placed.append(name)
+        left.remove(name)
+    return pairs
+
+
+def _shifts_to_carrier(
+    stack: Points,
+    carrier: Points,
+    keys: Sequence[tuple[Points, Points]],
+    tau: Floats,
+    closed: bool,
+) -> Points:
+    """Return how far (frames, n, 2) to shift a contour so that it keeps its place at its carrier.
+
+    Each point of the contour has a nearest place on the carrier in both keys, and a gap from it.
+    Between the keys, place and gap are interpolated, which gives the shift of each point. Averages
+    of these count, in which points near the carrier and near points of the contour weigh most: what
+    touches the carrier stays on it, the rest keeps its shape. stack, carrier: contours
+    (frames, n, 2); keys: of contour and carrier, (n, 2) each, at both ends; tau (frames,): share of
+    the way from the first key to the second; closed: whether the carrier is.
+    """
+    (first, first_gap), (last, last_gap) = (_nearest_places(*key, closed) for key in keys)
+    count = carrier.shape[1]
+    way = last - first
+    if closed:  # the shorter way round
+        way = (way + count / 2) % count - count / 2
+    share = tau[:, None]
+    goal = _points_at(carrier, first + share * way)
+    goal = goal + (1 - share)[..., None] * first_gap + share[..., None] * last_gap
+    own = keys[0][0]
+    near = NEAR * float(np.hypot(*np.ptp(own, axis=0)))
+    gap = np.linalg.norm(first_gap, axis=1) + np.linalg.norm(last_gap, axis=1)
+    # Contours that touch are drawn through few points, which cut their corners.
+    gap = np.maximum(gap - CUT * np.linalg.norm(np.diff(own, axis=0), axis=1).mean(), 0)
+    apart = np.linalg.norm(own[:, None] - own, axis=-1)
+    weights = 1 / ((gap + near) * (apart + FAR * gap[:, None] + near)) ** POWER
+    shifts: Points = (weights / weights.sum(axis=1, keepdims=True)) @ (goal - stack)
+    return shifts
+
+
+def _nearest_places(points: Points, line: Points, closed: bool) -> tuple[Floats, Points]:
+    """Return the nearest place (m,) on a line for each point, and the gap (m, 2) from it.
+
+    A place is the number of a point of the line plus the share of the way to the next. points:
+    (m, 2); line: (n, 2), whose last point is followed by its first if it is closed.
+    """
+    start = line if closed else line[:-1]
+    edge = (np.roll(line, -1, axis=0) if closed else line[1:]) - start
+    along = ((points[:, None] - start) * edge).sum(axis=-1)
+    share = np.clip(along / np.maximum((edge**2).sum(axis=-1), 1e-300), 0, 1)
+    gaps = points[:, None] - start - share[..., None] * edge
+    nearest = (gaps**2).sum(axis=-1).argmin(axis=1)
+    rows = np.arange(len(points))
+    return nearest + share[rows, nearest], gaps[rows, nearest]
+
+
+def _points_at(lines: Points, places: Floats) -> Points:
+    """Return the points (frames, m, 2) at places (frames, m) of lines (frames, n, 2)."""
+    count = lines.shape[1]
+    before = np.floor(places).astype(int)
+    share = (places - before)[..., None]
+    rows = np.arange(len(lines))[:, None]
+    points: Points = (1 - share) * lines[rows, before % count] + share * lines[
+        rows, (before + 1) % count
+    ]
+    return points
