@@ -91,7 +91,8 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
     numbers = _solver_errors(hoop, massless)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
     remaining = _remaining_shares(exact)
-    rest_time = float(hoop.times[np.flatnonzero(remaining > AT_REST)[-1] + 1])
+    last_moving = min(np.flatnonzero(remaining > AT_REST)[-1], len(remaining) - 2)
+    rest_time = float(hoop.times[last_moving + 1])
     frictionless = replace(hoop, material=replace(hoop.material, mass_damping=0.0))
     swinging = _remaining_shares(solve_motion(frictionless))
     numbers |= {

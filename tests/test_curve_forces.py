@@ -81,6 +81,15 @@ def test_steps_that_are_too_long_are_refused_and_the_named_number_will_do():
         solve_in_forces(p, forces, substeps=1)
     steps = int(refused.value.do.split()[1])
     assert np.isfinite(solve_in_forces(p, forces, steps).displacement).all()
+    with pytest.raises(FinloopError, match="0 steps"):
+        solve_in_forces(p, Forces(), substeps=0)
+    massless = problem(density=0.0, mass_damping=0.5)
+    with pytest.raises(FinloopError, match="no density"):
+        solve_in_forces(massless, Forces(drag=0.5))
+    with pytest.raises(FinloopError, match="steps between two times"):
+        solve_in_forces(massless, Forces(attractors=RING, attraction=500.0))
+    pulled = solve_in_forces(massless, Forces(attractors=RING, attraction=5.0, drag=0.1))
+    assert np.isfinite(pulled.displacement).all()
     with pytest.raises(FinloopError, match="not evenly spaced"):
         solve_in_forces(replace(p, times=np.array([0.0, 1.0, 3.0])), Forces())
     with pytest.raises(FinloopError, match="density"):

@@ -20,8 +20,9 @@ LINE = np.array([[0, 0], [10, 3.0]])
 
 
 def paint(colour: str) -> Paint:
-    """A fill of a colour."""
-    return Paint(ImageColor.getrgb(colour)[:3], None, 1.0, 1.0, 1.0)
+    """A fill and a line of a colour."""
+    rgb = ImageColor.getrgb(colour)[:3]
+    return Paint(rgb, rgb, 1.0, 1.0, 1.0)
 
 
 def drawing(styles=None, **contours) -> Drawing:
@@ -81,7 +82,9 @@ def test_what_has_no_partner_grows_from_a_point_in_its_place(method):
     assert extents["mouth"][-1] < 0.04 and extents["mouth"][0] == pytest.approx(30, rel=0.02)
     centres = done.layers["beard"].mean(axis=1)
     np.testing.assert_allclose(centres, np.broadcast_to(centres[-1], centres.shape), atol=0.01)
-    assert set(done.styles["beard"]) == {paint("brown")} and not done.count_fold_frames()
+    assert {painted.fill for painted in done.styles["beard"]} == {paint("brown").fill}
+    widths = [painted.width for painted in done.styles["beard"]]
+    assert widths[0] < 0.01 and widths[-1] == 1.0 and not done.count_fold_frames()
 
 
 def test_names_and_styles_follow_the_first_drawing():

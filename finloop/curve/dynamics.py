@@ -129,7 +129,7 @@ def solve_motion(
     FinloopError if the problem or the method's settings are invalid; the message names them.
     """
     options = options or SolverOptions()
-    problem = check_problem(problem, method)
+    problem = convert_problem(problem, method)
     if level:
         coarse = solve_motion(_coarsen_problem(problem, level), method, options)
         shapes = np.stack([coarse.displacement, coarse.velocity])
@@ -159,7 +159,7 @@ def _coarsen_problem(problem: Problem, level: int) -> Problem:
     return replace(problem, rest=rest, displacement=u, velocity=v, force=force)
 
 
-def check_problem(problem: Problem, method: str = "modal") -> Problem:
+def convert_problem(problem: Problem, method: str = "modal") -> Problem:
     """Return a problem with its fields as arrays; FinloopError if the method cannot solve it."""
     material = problem.material
     rest, u, times = (

@@ -14,11 +14,12 @@ import numpy as np
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.dynamics import (
+    Material,
     Numbers,
     Problem,
     Response,
     Trajectory,
-    check_problem,
+    convert_problem,
     curve_oscillators,
     fourier_basis,
     oscillator_response,
@@ -35,10 +36,11 @@ STEP_LIMIT = 0.5
 class Forces:
     """Forces per length on a curve in the plane, y down, in units of the drawing and of time.
 
-    gravity (2,): acceleration. wind (2,): velocity of the air, which pulls each point along with
-    `drag` × (wind − velocity). attractors (k, 2): points, such as those of a curve; each point of
-    the curve is pulled to the nearest with `attraction` × its offset. floor: its y; below it a
-    spring `floor_stiffness` × depth pushes up, and `floor_damping` × velocity brakes.
+    gravity (2,): acceleration; it moves nothing without density. wind (2,): velocity of the air,
+    which pulls each point along with `drag` × (wind − velocity). attractors (k, 2): points, such as
+    those of a curve; each point of the curve is pulled to the nearest with `attraction` × its
+    offset. floor: its y; below it a spring `floor_stiffness` × depth pushes up, and `floor_damping`
+    × velocity brakes.
     """
 
     gravity: tuple[float, float] = (0.0, 0.0)
@@ -68,12 +70,25 @@ class Forces:
 
         return force
 
-    def fastest_rate(self, density: float) -> float:
-        """Return the largest rate at which the forces change a point's motion, 1 / time."""
-        mass = density or 1.0
-        springs = self.attraction + (self.floor_stiffness if self.floor is not None else 0.0)
-        brakes = self.drag + (self.floor_damping if self.floor is not None else 0.0)
-        return float(max(np.sqrt(springs / mass), brakes / mass))
+    def fastest_rate(self, material: Material) -> float:
+        """Return the largest rate at which the forces change a point's motion, 1 / time.
+
+        FinloopError without density, if wind or floor brake as much as the material: then no step
+        is short enough.
+        """
+        has_floor = self.floor is not None
+        springs = self.attraction + (self.floor_stiffness if has_floor else 0.0)
+        brakes = self.drag + (self.floor_damping if has_floor else 0.0)
+        if material.density:
+            rates = np.sqrt(springs / material.density), brakes / material.density
+            return float(max(rates))
+        if brakes >= material.mass_damping:
+            raise FinloopError(
+                f"no density, drag and floor damping {brakes:g}, damping {material.mass_damping:g}",
+                "a density above 0, or brakes below the damping",
+                "set a density",
+            )
+        return springs / (material.mass_damping - brakes)
 
 
 class _Step(NamedTuple):
@@ -90,15 +105,17 @@ def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 20) -> Tra
     between two times. FinloopError if the problem is invalid, its times are uneven, or the steps
     are too long for the forces; the message says how many will do.
     """
-    problem = check_problem(problem)
+    problem = convert_problem(problem)
     material, times = problem.material, problem.times
     intervals = np.diff(times)
+    if substeps < 1:
+        raise FinloopError(f"{substeps} steps between two times", "1 or more", "set 20")
     if not len(intervals) or not np.allclose(intervals, intervals[0], rtol=1e-9):
         raise FinloopError(
             "times that are not evenly spaced", "two times or more, evenly spaced", "space them"
         )
     step = float(intervals[0]) / substeps
-    rate = forces.fastest_rate(material.density)
+    rate = forces.fastest_rate(material)
     if step * rate > STEP_LIMIT:
         raise FinloopError(
             f"{substeps} steps between two times, for forces that act within {1 / rate:.2g}",

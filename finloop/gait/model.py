@@ -314,7 +314,7 @@ def interpolate_contours(
     return end + descriptor.contours(shares * difference, len(end), closed)
 
 
-def _reduce_control_points(
+def reduce_control_points(
     points: Points, control: int, wavelet: str, closed: bool = True
 ) -> Points:
     """Return contours (…, n, 2) rebuilt from only `control` control points each (Fig. 14).
@@ -510,7 +510,7 @@ def contours_at_phases(
                 start, end, tau[frames], gamma, gait.descriptor, is_closed
             )
         if control is not None:
-            poses = _reduce_control_points(poses, control, gait.wavelet, is_closed)
+            poses = reduce_control_points(poses, control, gait.wavelet, is_closed)
         first_half[name] = poses
     # C and D are the symmetric images of A and B. Computed anew they would differ a little, as the
     # descriptor depends on where a contour begins.

@@ -144,7 +144,7 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=program,
         description="Animate a drawing: two key poses and a gait give a cycle that repeats."
-        " Contours of the same id form a pair; limbs are fore_left, fore_right, hind_left,"
+        " Shapes of the same id form a pair; limbs are fore_left, fore_right, hind_left,"
         " hind_right.",
     )
     parser.add_argument("key1", type=Path, help="limbs at their extremes, SVG")

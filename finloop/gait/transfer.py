@@ -34,6 +34,7 @@ from finloop.gait.model import (
     four_key_frames,
     locate_in_subcycle,
     opposite_limb,
+    reduce_control_points,
     reversed_order,
 )
 from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing, mix_styles
@@ -100,7 +101,15 @@ def animate_drawing(
     phases = np.arange(frames) / frames
     limb_gait = _spread_gamma(pool_gammas(gait), limbs)
     layers = contours_at_phases(*keys, limb_gait, phases, layout, closed=closed, control=control)
-    four_keys = four_key_frames(*keys, gait.symmetry, layout)
+    four_keys: Sequence[dict[str, Points]] = four_key_frames(*keys, gait.symmetry, layout)
+    if control is not None:
+        four_keys = tuple(
+            {
+                name: reduce_control_points(key, control, gait.wavelet, closed[name])
+                for name, key in poses.items()
+            }
+            for poses in four_keys
+        )
     layers = join_contours(layers, four_keys, limbs, closed, phases, gait.split)
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}

@@ -26,7 +26,7 @@ import numpy as np
 import svgelements as svg
 
 from finloop.base.arrays import Points
-from finloop.base.drawing import Curve, Drawing, clean_curve
+from finloop.base.drawing import LARGEST, Curve, Drawing, clean_curve
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
 from finloop.base.style import Colour, Fill, Gradient, Paint, Stop
@@ -143,6 +143,12 @@ def load_svg(path: Path) -> Drawing:
     if not {"viewBox", "width", "height"} & tree.attrib.keys():  # the file states no size
         corner = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
         width, height = np.maximum(corner, 1)
+    if not (0 < width <= LARGEST and 0 < height <= LARGEST):
+        raise FinloopError(
+            f"{path} is a picture of {width:g} × {height:g}",
+            "a width and a height above 0",
+            "correct its viewBox, or width and height",
+        )
     return Drawing(curves, float(width), float(height), styles, groups)
 
 

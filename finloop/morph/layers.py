@@ -256,11 +256,15 @@ def mix_styles(
     """
     styles = dict[str, tuple[Paint, ...]]()
     for name, stack in layers.items():
-        paints = [drawing.styles[name] for drawing in (a, b) if name in drawing.styles]
-        if paints:
+        known = [
+            (drawing.styles[name], end[name])
+            for drawing, end in zip((a, b), ends, strict=True)
+            if name in drawing.styles
+        ]
+        if known:
             moved = [
-                _move_with_contour(paint, end[name], stack)
-                for paint, end in zip((paints[0], paints[-1]), ends, strict=True)
+                _move_with_contour(paint, contour, stack)
+                for paint, contour in (known[0], known[-1])
             ]
             styles[name] = tuple(map(mix_paints, *moved, shares.tolist()))
     return styles

@@ -18,6 +18,7 @@ from finloop.base.arrays import Points
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART, shape_of
+from finloop.base.style import scale_paint
 from finloop.curve.contour import Curve, resample_curve
 from finloop.morph.match import match_curves
 
@@ -173,20 +174,44 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
             names[other] = _unused_name(other, order)
             order.insert(order.index(below) + 1 if below else 0, names[other])
         below = names[other]
-    by_name = {name: second[other] for other, name in names.items()}
+    renamed = _rename_shapes(b, names)
+    shapes = first, shape_contours(renamed)
     curves: tuple[dict[str, Curve], dict[str, Curve]] = {}, {}
+    styles = dict(a.styles), dict(renamed.styles)
     for name in order:
-        for side, shapes, partners in ((0, first, by_name), (1, by_name, first)):
-            contours = shapes.get(name) or _shrink_to_point(partners[name])
+        for side, partner in ((0, 1), (1, 0)):
+            contours = shapes[side].get(name)
+            if contours is None:
+                middle = _find_middle(shapes[partner][name])
+                contours = [_shrink(curve, middle) for curve in shapes[partner][name]]
+                styles[side].update({
+                    layer: scale_paint(paint, POINT, middle * (1 - POINT))
+                    for layer, paint in styles[partner].items()
+                    if shape_of(layer) == name
+                })  # fmt: skip
             curves[side].update({
                 f"{name}{PART}{number}" if number > 1 else name: curve
                 for number, curve in enumerate(contours, start=1)
             })  # fmt: skip
-    styles = {
-        names[shape_of(name)] + name.removeprefix(shape_of(name)): style
-        for name, style in b.styles.items()
+    return (
+        replace(a, curves=curves[0], styles=styles[0]),
+        replace(renamed, curves=curves[1], styles=styles[1]),
+    )
+
+
+def _rename_shapes(drawing: Drawing, names: Mapping[str, str]) -> Drawing:
+    """Return a drawing whose shapes have other ids, of those that names gives; the others go."""
+    layers = {
+        layer: names[shape_of(layer)] + layer.removeprefix(shape_of(layer))
+        for layer in drawing.curves
+        if shape_of(layer) in names
     }
-    return replace(a, curves=curves[0]), replace(b, curves=curves[1], styles=styles)
+    return replace(
+        drawing,
+        curves={new: drawing.curves[old] for old, new in layers.items()},
+        styles={new: drawing.styles[old] for old, new in layers.items() if old in drawing.styles},
+        groups={new: drawing.groups[old] for old, new in layers.items() if old in drawing.groups},
+    )
 
 
 def _unused_name(name: str, used: Sequence[str]) -> str:
@@ -198,7 +223,11 @@ def _unused_name(name: str, used: Sequence[str]) -> str:
     return unique
 
 
-def _shrink_to_point(contours: Sequence[Curve]) -> list[Curve]:
-    """Return contours scaled by POINT about the middle of the largest one."""
-    middle: Points = resample_curve(max(contours, key=_extent), POINTS).points.mean(axis=0)
-    return [Curve(middle + (curve.points - middle) * POINT, curve.closed) for curve in contours]
+def _find_middle(contours: Sequence[Curve]) -> Points:
+    """Return the middle (2,) of the largest contour of a shape."""
+    return resample_curve(max(contours, key=_extent), POINTS).points.mean(axis=0)
+
+
+def _shrink(curve: Curve, middle: Points) -> Curve:
+    """Return a curve scaled by POINT about a point (2,)."""
+    return Curve(middle + (curve.points - middle) * POINT, curve.closed)
