@@ -32,12 +32,11 @@ from finloop.io.table import save_csv
 from finloop.morph.layers import (
     METHODS,
     PhysicalOptions,
-    fit_drawing,
     morph_drawings,
     there_and_back,
 )
 from finloop.morph.match import Resolution, match_curves
-from finloop.morph.pairs import load_pairing, pair_drawings, pair_shapes
+from finloop.morph.pairs import match_drawings
 from finloop.morph.settings import MorphSettings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
 from finloop.plots.morph import draw_morphs
@@ -82,8 +81,8 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
 
     The errors are those of the solvers, and of each number of control points of Fig. 7, in radii of
     the hoop: against the solution at all points, and against that solution without its details. The
-    result also has the largest rise of the hoop's energy, which should only fall, as
-    a share of the energy in the beginning.
+    result also has the largest rise of the hoop's energy, which should only fall, as a share of the
+    energy in the beginning, and when the hoop is at rest.
     """
     hoop, massless = _bent_hoops(p)
     exact = solve_motion(hoop)
@@ -174,10 +173,7 @@ def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
     outline = max(glyph_outlines(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
     wavelets = FIG2_WAVELETS | {p.wavelet: FIG2_WAVELETS.get(p.wavelet, p.wavelet)}
-    save_figure(
-        FIGURES / "fig2.png",
-        figure2(letter, list(wavelets.items())),
-    )
+    save_figure(FIGURES / "fig2.png", figure2(letter, list(wavelets.items())))
     k = stiffness_matrix(p.wavelet, n=64, levels=2)
     save_figure(FIGURES / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
     numbers: dict[str, float] = {}
@@ -221,12 +217,11 @@ def main() -> None:
     """
     p: MorphSettings = load_settings("morph")
     numbers = _draw_curve_paper_figures(p) | _draw_released_hoop(p)
-    first = load_svg(Path(p.first_drawing))
-    last = fit_drawing(load_svg(Path(p.last_drawing)), first.width, first.height)
-    pairing = pair_shapes(first, last, load_pairing(Path(p.pairs)) if p.pairs else None)
-    if pairing.summary:
-        print(f"morph: {pairing.summary}", file=sys.stderr)
-    drawings = pair_drawings(first, last, pairing)
+    first, last = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
+    first, last, pairing = match_drawings(first, last, Path(p.pairs) if p.pairs else None)
+    drawings = first, last
+    if pairing:
+        print(f"morph: {pairing}", file=sys.stderr)
     resolution = Resolution(p.level, p.wavelet)
     physics = PhysicalOptions(p.elasticity, p.damping, p.mass)
     with report_progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:

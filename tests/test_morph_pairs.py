@@ -54,6 +54,10 @@ def test_other_ids_are_paired_by_place_and_shape_and_that_is_said():
     a = drawing(box=SQUARE + 30, ring=ROUND + 30)
     b = drawing(disc=ROUND + 30, tile=SQUARE + 30)
     assert pair_shapes(a, b).pairs == {"box": "tile", "ring": "disc"}
+    # and of one shape at one place, the size
+    eye = drawing(white=4 * ROUND, pupil=ROUND + 15)
+    other = drawing(small=ROUND + 15, large=4 * ROUND)
+    assert pair_shapes(eye, other).pairs == {"white": "large", "pupil": "small"}
 
 
 def test_a_file_goes_first_and_what_is_left_vanishes_or_appears(tmp_path):

@@ -4,7 +4,7 @@ Contours are painted alike in every format: lines with round joins and ends, fil
 rule, so that holes stay holes and folds are seen. Only dashes may have straight ends.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -44,6 +44,14 @@ def shape_of(layer: str) -> str:
     return name if mark and name and number.isdecimal() else layer
 
 
+def layers_by_shape(layers: Iterable[str]) -> dict[str, list[str]]:
+    """Return the layers of each shape, in their order, by its id."""
+    shapes = dict[str, list[str]]()
+    for layer in layers:
+        shapes.setdefault(shape_of(layer), []).append(layer)
+    return shapes
+
+
 @dataclass(frozen=True)
 class Shape:
     """Contours that are painted together, such as a letter and its holes."""
@@ -64,9 +72,7 @@ def group_contours(
     the drawing.
     """
     black_line = Paint(None, (0, 0, 0), 1.0, 1.0, width=side / 200)
-    layers_of_shape = dict[str, list[str]]()
-    for layer in closed:
-        layers_of_shape.setdefault(shape_of(layer), []).append(layer)
+    layers_of_shape = layers_by_shape(closed)
     shapes = []
     for name, layers in layers_of_shape.items():
         layers_closed = tuple(closed[layer] for layer in layers)

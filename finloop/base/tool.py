@@ -47,3 +47,23 @@ def parse_frame_rate(text: str) -> Fraction:
     if rate <= 0:
         raise argparse.ArgumentTypeError(f"{text} frames per second are not above 0")
     return rate
+
+
+def add_resolution_options(
+    parser: argparse.ArgumentParser, other_use: str, usual_wavelet: str
+) -> None:
+    """Add the options --level and --wavelet, which say how coarse contours are, to a parser.
+
+    other_use: what else the wavelet is of; usual_wavelet: without the option, in words. The options
+    are 0 and None where they are not given.
+    """
+    parser.add_argument(
+        "--level",
+        type=int,
+        default=0,
+        help="round contours off: keep 1/2^LEVEL of their points as control points (default 0)",
+    )
+    parser.add_argument(
+        "--wavelet",
+        help=f"of these control points, and of {other_use}: db4, sym8 … (default {usual_wavelet})",
+    )

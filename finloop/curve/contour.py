@@ -56,3 +56,20 @@ def resample_curve(curve: Curve, n: int) -> Curve:
     marks = np.linspace(0.0, along[-1], n, endpoint=not curve.closed)
     x, y = (np.interp(marks, along, values) for values in points.T)
     return Curve(np.stack([x, y], axis=1), curve.closed)
+
+
+def nearest_on_curve(points: Floats, curve: Curve) -> tuple[Floats, Floats]:
+    """Return the nearest place (m,) on a curve for each point (m, 2), and the gap (m, 2) from it.
+
+    A place is the number of a point of the curve plus the share of the way to the next. A gap leads
+    from the place to the point.
+    """
+    line = curve.points
+    start = line if curve.closed else line[:-1]
+    edge = (np.roll(line, -1, axis=0) if curve.closed else line[1:]) - start
+    along = ((points[:, None] - start) * edge).sum(axis=-1)
+    share = np.clip(along / np.maximum((edge**2).sum(axis=-1), 1e-300), 0, 1)
+    gaps = points[:, None] - start - share[..., None] * edge
+    nearest = (gaps**2).sum(axis=-1).argmin(axis=1)
+    rows = np.arange(len(points))
+    return nearest + share[rows, nearest], gaps[rows, nearest]

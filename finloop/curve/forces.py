@@ -7,7 +7,6 @@ the step. So the step need not follow the stiffness, and halving it quarters the
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -91,13 +90,6 @@ class Forces:
         return springs / (material.mass_damping - brakes)
 
 
-class _Step(NamedTuple):
-    """The responses of a curve's oscillators to half of a step, and to all of it."""
-
-    half: Response
-    whole: Response
-
-
 def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 20) -> Trajectory:
     """Return the motion of a curve in fields of force: M q̈ + C q̇ + K q = Q(q, q̇) (Eq. 3.3).
 
@@ -125,7 +117,7 @@ def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 20) -> Tra
     basis = fourier_basis(problem)
     oscillators = curve_oscillators(basis, material)
     both = oscillator_response(oscillators, np.array([step / 2, step]))
-    responses = _Step(*(Response(*(factor[k] for factor in both)) for k in (0, 1)))
+    half, whole = (Response(*(factor[k] for factor in both)) for k in (0, 1))
     field, constant = forces.field(material.density), problem.force_on_points()
 
     def push(places: Numbers, speeds: Numbers) -> Numbers:
@@ -137,8 +129,8 @@ def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 20) -> Tra
     motion = [np.stack([basis.inverse(places), basis.inverse(speeds)])]
     for _ in intervals:
         for _ in range(substeps):
-            middle = _advance(responses.half, places, speeds, push(places, speeds))
-            places, speeds = _advance(responses.whole, places, speeds, push(*middle))
+            middle = _advance(half, places, speeds, push(places, speeds))
+            places, speeds = _advance(whole, places, speeds, push(*middle))
         motion.append(np.stack([basis.inverse(places), basis.inverse(speeds)]))
     shapes = np.stack(motion, axis=1)
     return Trajectory(times, shapes[0], shapes[1])

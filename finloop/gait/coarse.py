@@ -11,12 +11,11 @@ import numpy as np
 from finloop.base.arrays import Points
 from finloop.curve.wavelet import control_points, count_halvings, curves_from_control
 from finloop.gait.model import (
-    POOLED,
     Gait,
     HalfCycleLayout,
-    contours_half_cycle_later,
+    add_second_half,
     four_key_frames,
-    interpolate_contours,
+    interpolate_first_half,
     locate_in_subcycle,
 )
 
@@ -41,16 +40,8 @@ def few_point_contours(
     first_half = dict[str, Points]()
     for name in key1:
         level = count_halvings(len(poses[0][name])) - count_halvings(control)
-        gait_gamma = gait.gamma.get(name, gait.gamma.get(POOLED, {}))
         few = [control_points(pose[name], gait.wavelet, level) for pose in poses[:3]]
-        frames = np.empty((len(phases), control, 2))
-        for number, letter in enumerate("AB"):
-            is_now = subcycle == number
-            gammas = gait_gamma.get(letter, (0.0,))[:control]  # coarse to fine
-            frames[is_now] = interpolate_contours(
-                few[number], few[number + 1], tau[is_now], gammas, gait.descriptor
-            )
+        gammas = [gait.contour_gamma(name, letter)[:control] for letter in "AB"]  # coarse to fine
+        frames = interpolate_first_half(few, gammas, subcycle, tau, gait.descriptor)
         first_half[name] = curves_from_control(frames, gait.wavelet, level)
-    later = contours_half_cycle_later(first_half, gait.symmetry, layout)
-    in_first_half = (np.mod(phases, 1.0) < 0.5)[:, None, None]
-    return {name: np.where(in_first_half, half, later[name]) for name, half in first_half.items()}
+    return add_second_half(first_half, phases, gait.symmetry, layout)

@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from finloop.base.arrays import Floats, Points
-from finloop.base.drawing import Drawing
+from finloop.base.drawing import Curve, Drawing
 from finloop.base.errors import FinloopError
 from finloop.base.paint import shape_of
+from finloop.curve.contour import nearest_on_curve
 from finloop.gait.ground import Limbs
 from finloop.gait.model import Gait, locate_in_subcycle, opposite_limb
 
@@ -135,12 +136,16 @@ def _shifts_to_carrier(
 
     Each point of the contour has a nearest place on the carrier in both keys, and a gap from it.
     Between the keys, place and gap are interpolated, which gives the shift of each point. Averages
-    of these count, in which points near the carrier and near points of the contour weigh most: what
-    touches the carrier stays on it, the rest keeps its shape. stack, carrier: contours
-    (frames, n, 2); keys: of contour and carrier, (n, 2) each, at both ends; tau (frames,): share of
-    the way from the first key to the second; closed: whether the carrier is.
+    of these count. A point with the gap g weighs 1 / ((g + ε) (r + FAR g + ε))^POWER at the
+    distance r. So what touches the carrier stays on it, and the rest keeps its shape.
+
+    stack, carrier: contours (frames, n, 2); keys: of contour and carrier, (n, 2) each, at both
+    ends; tau (frames,): share of the way from the first key to the second; closed: whether the
+    carrier is.
     """
-    (first, first_gap), (last, last_gap) = (_nearest_places(*key, closed) for key in keys)
+    (first, first_gap), (last, last_gap) = (
+        nearest_on_curve(points, Curve(line, closed)) for points, line in keys
+    )
     count = carrier.shape[1]
     way = last - first
     if closed:  # the shorter way round
@@ -157,22 +162,6 @@ def _shifts_to_carrier(
     weights = 1 / ((gap + near) * (apart + FAR * gap[:, None] + near)) ** POWER
     shifts: Points = (weights / weights.sum(axis=1, keepdims=True)) @ (goal - stack)
     return shifts
-
-
-def _nearest_places(points: Points, line: Points, closed: bool) -> tuple[Floats, Points]:
-    """Return the nearest place (m,) on a line for each point, and the gap (m, 2) from it.
-
-    A place is the number of a point of the line plus the share of the way to the next. points:
-    (m, 2); line: (n, 2), whose last point is followed by its first if it is closed.
-    """
-    start = line if closed else line[:-1]
-    edge = (np.roll(line, -1, axis=0) if closed else line[1:]) - start
-    along = ((points[:, None] - start) * edge).sum(axis=-1)
-    share = np.clip(along / np.maximum((edge**2).sum(axis=-1), 1e-300), 0, 1)
-    gaps = points[:, None] - start - share[..., None] * edge
-    nearest = (gaps**2).sum(axis=-1).argmin(axis=1)
-    rows = np.arange(len(points))
-    return nearest + share[rows, nearest], gaps[rows, nearest]
 
 
 def _points_at(lines: Points, places: Floats) -> Points:

@@ -25,7 +25,7 @@ belongs to A and B alone.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
@@ -145,6 +145,10 @@ class Gait:
                 gammas = self.gamma.get(name, {}).get(letter, ())
                 if np.shape(values) != np.shape(gammas):
                     raise ValueError(f"motion.{name}.{letter} has not one number for each γ")
+
+    def contour_gamma(self, name: str, letter: str) -> tuple[Any, ...]:
+        """Return γ of a contour in subcycle A or B: its own, else that of all contours, else 0."""
+        return tuple(self.gamma.get(name, self.gamma.get(POOLED, {})).get(letter, (0.0,)))
 
     def limb_gamma(self, name: str, letter: str) -> float:
         """Return one γ for a contour in a subcycle: the mean of its γ by energy of motion.
@@ -499,21 +503,44 @@ def contours_at_phases(
     subcycle, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
     first_half = dict[str, Points]()
     for name in key1:
-        # γ of the contour, or else that of all contours together, or else 0.
-        gammas = gait.gamma.get(name, gait.gamma.get(POOLED, {}))
         is_closed = (closed or {}).get(name, True)
-        poses = np.empty((len(phases), *keys[0][name].shape))
-        for number, letter in enumerate("AB"):
-            frames, gamma = subcycle == number, gammas.get(letter, (0.0,))
-            start, end = keys[number][name], keys[number + 1][name]
-            poses[frames] = interpolate_contours(
-                start, end, tau[frames], gamma, gait.descriptor, is_closed
-            )
+        gammas = [gait.contour_gamma(name, letter) for letter in "AB"]
+        poses = interpolate_first_half(
+            [key[name] for key in keys[:3]], gammas, subcycle, tau, gait.descriptor, is_closed
+        )
         if control is not None:
             poses = reduce_control_points(poses, control, gait.wavelet, is_closed)
         first_half[name] = poses
-    # C and D are the symmetric images of A and B. Computed anew they would differ a little, as the
-    # descriptor depends on where a contour begins.
-    later = contours_half_cycle_later(first_half, gait.symmetry, layout)
-    in_first_half = (phases < 0.5)[:, None, None]
+    return add_second_half(first_half, phases, gait.symmetry, layout)
+
+
+def interpolate_first_half(
+    keys: Sequence[Points], gammas: Sequence[tuple[Any, ...]], subcycle: Ints, tau: Points,
+    descriptor: Descriptor, closed: bool = True,
+) -> Points:  # fmt: skip
+    """Return a contour (frames, n, 2) in the subcycles A and B of a gait cycle.
+
+    keys: the contour (n, 2) in key frames 1, 2 and 1'; gammas: γ of A and of B; subcycle, tau
+    (frames,): 0 for A, 1 for B, and the share 0-1 of it that is over.
+    """
+    poses = np.empty((len(tau), *keys[0].shape))
+    for number, gamma in enumerate(gammas):
+        frames = subcycle == number
+        poses[frames] = interpolate_contours(
+            keys[number], keys[number + 1], tau[frames], gamma, descriptor, closed
+        )
+    return poses
+
+
+def add_second_half(
+    first_half: Mapping[str, Points], phases: Points, symmetry: Symmetry, layout: HalfCycleLayout
+) -> dict[str, Points]:
+    """Return contours (frames, n, 2), by id, with those of the second half of the cycle in place.
+
+    first_half: contours at the phases (frames,), each counted as one of the first half. C and D are
+    the symmetric images of A and B. Computed anew they would differ a little, as the descriptor
+    depends on where a contour begins.
+    """
+    later = contours_half_cycle_later(first_half, symmetry, layout)
+    in_first_half = (np.mod(phases, 1.0) < 0.5)[:, None, None]
     return {name: np.where(in_first_half, poses, later[name]) for name, poses in first_half.items()}

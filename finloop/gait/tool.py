@@ -12,7 +12,12 @@ from typing import Any
 
 from finloop.base.errors import FinloopError
 from finloop.base.program import shipped_folder
-from finloop.base.tool import format_frame_counts, parse_frame_rate, run_tool
+from finloop.base.tool import (
+    add_resolution_options,
+    format_frame_counts,
+    parse_frame_rate,
+    run_tool,
+)
 from finloop.gait.model import DO, WANTED, Gait, gait_from_record
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, animate_drawing, repeat_cycle
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
@@ -163,16 +168,6 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--cycles", type=int, default=1, help="number of cycles (default 1)")
     parser.add_argument("--points", type=int, default=128, help="per contour (default 128)")
-    parser.add_argument(
-        "--level",
-        type=int,
-        default=0,
-        help="round contours off: keep 1/2^LEVEL of their points as control points (default 0)",
-    )
-    parser.add_argument(
-        "--wavelet",
-        help="of these control points, and of scales with a γ each: db4, sym8 … (default: the"
-        " gait's)",
-    )
+    add_resolution_options(parser, "scales with a γ each", "the gait's")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     return parser

@@ -5,7 +5,7 @@ hold for the coordinates in the files. Two of the paper's methods are here, line
 and physical (Fig. 5); neither avoids folds.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from math import ceil, log10
 from typing import NamedTuple
@@ -15,7 +15,7 @@ import numpy as np
 from finloop.base.arrays import Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import PART, shape_of
+from finloop.base.paint import PART, layers_by_shape, shape_of
 from finloop.base.style import Gradient, Paint, mix_paints, move_paint, scale_paint
 from finloop.curve.contour import Curve
 from finloop.curve.dynamics import Material, Problem, solve_motion
@@ -123,7 +123,7 @@ def build_morph(
     the last.
     """
     closed = {name: a.curves[name].closed if name in a.curves else True for name in layers}
-    shapes = _contours_by_shape(layers)
+    shapes = layers_by_shape(layers)
     for significant in digits:
         decimals = significant - ceil(log10(max(a.width, a.height)))
         rounded = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
@@ -158,14 +158,6 @@ def build_morph(
     )
 
 
-def _contours_by_shape(names: Iterable[str]) -> dict[str, list[str]]:
-    """Return the ids of contours by the shape, such as one path, that they belong to."""
-    shapes: dict[str, list[str]] = {}
-    for name in names:
-        shapes.setdefault(shape_of(name), []).append(name)
-    return shapes
-
-
 def _layout(stacks: Sequence[Points]) -> ContourLayout:
     """Return how closed contours (f, n, 2) lie one after the other in one array."""
     return ContourLayout(tuple(stack.shape[1] for stack in stacks))
@@ -195,7 +187,7 @@ def _region_names(a: Drawing, b: Drawing) -> dict[str, tuple[list[str], list[str
 
     A region is a shape of closed contours that has several of them in one of the drawings.
     """
-    shapes_a, shapes_b = _contours_by_shape(a.curves), _contours_by_shape(b.curves)
+    shapes_a, shapes_b = layers_by_shape(a.curves), layers_by_shape(b.curves)
     return {
         shape: (names, shapes_b[shape])
         for shape, names in shapes_a.items()

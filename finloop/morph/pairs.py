@@ -17,9 +17,10 @@ import yaml
 from finloop.base.arrays import Points
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
-from finloop.base.paint import PART, shape_of
+from finloop.base.paint import PART, layers_by_shape, shape_of
 from finloop.base.style import scale_paint
 from finloop.curve.contour import Curve, resample_curve
+from finloop.morph.layers import fit_drawing
 from finloop.morph.match import match_curves
 
 POINT = 1e-3
@@ -27,7 +28,8 @@ POINT = 1e-3
 POINTS = 64  # of a contour whose shape is compared
 PLACE_WEIGHT, SIZE_WEIGHT = 4.0, 0.5
 """Cost of a place that is off by the picture's side, and of a double size. A shape that is off by
-its own radius (RMS) costs 1."""
+its own radius (RMS) costs 1. By place weights of 2 and 4 all 42 shapes of the shipped face, dog and
+fish find their partners without ids; by 1 and 8, 40. Size tells an eye from its pupil."""
 FORM = "pairs: {eye: left_eye}, vanish: [hat], appear: [beard]"
 
 
@@ -116,10 +118,8 @@ def pair_shapes(a: Drawing, b: Drawing, given: Pairing | None = None) -> Pairing
 
 def shape_contours(drawing: Drawing) -> dict[str, list[Curve]]:
     """Return the contours of each shape of a drawing by id, in drawing order."""
-    shapes: dict[str, list[Curve]] = {}
-    for name, curve in drawing.curves.items():
-        shapes.setdefault(shape_of(name), []).append(curve)
-    return shapes
+    shapes = layers_by_shape(drawing.curves)
+    return {name: [drawing.curves[layer] for layer in layers] for name, layers in shapes.items()}
 
 
 def _require_shapes(shapes: Iterable[str], names: Sequence[str], which: str) -> None:
@@ -158,6 +158,18 @@ def _pair_cost(first: Sequence[Curve], second: Sequence[Curve], side: float) -> 
 def _extent(curve: Curve) -> float:
     """Return the diagonal of a contour's bounding box."""
     return float(np.hypot(*np.ptp(curve.points, axis=0)))
+
+
+def match_drawings(
+    a: Drawing, b: Drawing, path: Path | None = None
+) -> tuple[Drawing, Drawing, str]:
+    """Return two drawings of one size and with the same ids, and in words what was paired.
+
+    b: is fitted into the picture of a; path: of a file of pairs, None = there is none.
+    """
+    b = fit_drawing(b, a.width, a.height)
+    pairing = pair_shapes(a, b, None if path is None else load_pairing(path))
+    return *pair_drawings(a, b, pairing), pairing.summary
 
 
 def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Drawing]:

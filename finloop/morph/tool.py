@@ -9,18 +9,22 @@ from fractions import Fraction
 from pathlib import Path
 
 from finloop.base.drawing import Morph
-from finloop.base.tool import format_frame_counts, parse_frame_rate, run_tool
+from finloop.base.tool import (
+    add_resolution_options,
+    format_frame_counts,
+    parse_frame_rate,
+    run_tool,
+)
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.svg import load_svg
 from finloop.morph.layers import (
     METHODS,
     PhysicalOptions,
-    fit_drawing,
     morph_drawings,
     there_and_back,
 )
 from finloop.morph.match import FULL, Resolution
-from finloop.morph.pairs import FORM, load_pairing, pair_drawings, pair_shapes
+from finloop.morph.pairs import FORM, match_drawings
 
 
 def main(arguments: list[str] | None = None, program: str = "python -m finloop.morph") -> int:
@@ -35,20 +39,19 @@ def main(arguments: list[str] | None = None, program: str = "python -m finloop.m
 def _write_morph(options: argparse.Namespace) -> str:
     """Write the morph that the command line's options describe; return its summary."""
     find_morph_writer(options.output)  # check the ending first
-    a = load_svg(options.a)
-    b = fit_drawing(load_svg(options.b), a.width, a.height)
-    pairing = pair_shapes(a, b, load_pairing(options.pairs) if options.pairs else None)
+    a, b, pairing = match_drawings(load_svg(options.a), load_svg(options.b), options.pairs)
     result = morph_drawings(
-        *pair_drawings(a, b, pairing),
+        a,
+        b,
         options.method,
         options.frames,
         options.points,
-        resolution=Resolution(options.level, options.wavelet),
+        resolution=Resolution(options.level, options.wavelet or FULL.wavelet),
         physics=PhysicalOptions(options.elastic, options.damping, options.mass),
     )
     shown = there_and_back(result) if options.back else result
     save_animation(options.output, shown, options.fps, options.size)
-    return "; ".join(filter(None, [_summarise_morph(result), pairing.summary]))
+    return "; ".join(filter(None, [_summarise_morph(result), pairing]))
 
 
 def _summarise_morph(result: Morph) -> str:
@@ -83,18 +86,7 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     parser.add_argument("--points", type=int, default=256, help="per contour (default 256)")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     parser.add_argument("--back", action="store_true", help="append the morph in reverse")
-    parser.add_argument(
-        "--level",
-        type=int,
-        default=0,
-        help="round contours off: keep 1/2^LEVEL of their points as control points (default 0)",
-    )
-    parser.add_argument(
-        "--wavelet",
-        default=FULL.wavelet,
-        help="of these control points, and of the physical stiffness: db4, sym8 … (default"
-        " %(default)s)",
-    )
+    add_resolution_options(parser, "the physical stiffness", FULL.wavelet)
     usual = PhysicalOptions()
     parser.add_argument("--elastic", type=float, default=usual.elastic, help="physical: stiffness")
     parser.add_argument("--damping", type=float, default=usual.damping, help="physical: damping")
