@@ -5,7 +5,7 @@ machine, in this folder. No stage has the parameters `cluster` under `params` in
 are the same bytes, so a change of them runs no stage again. A stage reads them from params.yaml.
 """
 
-from stages.run import THREAD_VARIABLES, THREADS, run  # isort: skip  (before numpy)
+from stages.run import PROCESSES, THREAD_VARIABLES, THREADS, run  # isort: skip  (before numpy)
 
 import argparse
 import os
@@ -19,8 +19,6 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes, Threads, Workers, start_fork_server
 from finloop.cluster.settings import ClusterSettings, DefaultWorkers
 from stages.settings import load_settings
-
-PROCESSES = "FINLOOP_PROCESSES"  # how many processes a stage works on, where that is not THREADS
 
 
 @contextmanager

@@ -12,7 +12,6 @@ import pandas as pd
 from finloop.base.errors import FinloopError
 from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates, Partition, split_held_out
-from finloop.forecast.learning import train_predictor
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import build_similarity_graph
 from finloop.forecast.sampling import Sampler, build_sampler, swim_freely
@@ -113,6 +112,8 @@ def main() -> None:
                 graph_job = executor.submit(
                     build_similarity_graph, film, project.row_looks, visible, p
                 )
+                from finloop.forecast.learning import train_predictor  # loads torch, in 2 s
+
                 model, curve = train_predictor(film, parts, p, advance)
                 graph = graph_job.result()
         except FinloopError as error:

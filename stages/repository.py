@@ -1,7 +1,12 @@
-"""Git as sweeps, studies and comparisons need it: commands, the user, experiments on commits."""
+"""Git and DVC as sweeps and studies need them: commands, the user, experiments on commits."""
 
+from stages.run import PROCESSES, THREADS  # isort: skip  (before numpy)
+
+import os
 import subprocess
+import sys
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 from finloop.base.errors import FinloopError
@@ -16,6 +21,18 @@ _GIT_ADVICE = (  # what git says, what is wanted, what to do
         'git config user.name "Your Name"; git config user.email you@example.org',
     ),
 )
+
+# The command `dvc`, in a process that ends with this one. It is short and makes many small objects,
+# of which garbage collection would take a sixth of its time.
+DVC = """
+import gc, sys
+gc.disable()
+from dvc.cli import main
+from finloop.base.process import die_with_parent
+die_with_parent()
+sys.exit(main())
+"""
+LAST_LINES = 12  # of the output of a failed run
 
 
 def run_git(*arguments: str, folder: Path | None = None) -> str:
@@ -35,6 +52,31 @@ def run_git(*arguments: str, folder: Path | None = None) -> str:
                 advice = wanted, do
         raise FinloopError(f"git failed: {message}", *advice)
     return process.stdout
+
+
+def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bool, str]:
+    """Run a DVC command in a folder; return whether it succeeds, and its output.
+
+    processes: the number of processes on which a stage works.
+    """
+    process = subprocess.run(
+        [sys.executable, "-c", DVC, *arguments],
+        cwd=folder, text=True, check=False, env=os.environ | {PROCESSES: str(processes)},
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    return not process.returncode, process.stdout
+
+
+def failure_lines(text: str) -> list[str]:
+    """Return finloop's last message in the output of a failed run, or the output's last lines."""
+    lines = text.splitlines()
+    # A message of finloop begins with "finloop: " and has a line "  wanted: "; DVC's own follows.
+    wanted = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
+    if not wanted:
+        return lines[-LAST_LINES:]
+    last_wanted = wanted[-1]
+    first = max(number for number in range(last_wanted) if lines[number].startswith("finloop: "))
+    return [*takewhile(lambda line: not line.startswith("ERROR:"), lines[first:])]
 
 
 def read_git_user() -> tuple[str, str]:

@@ -93,6 +93,7 @@ def _require_packages() -> None:
 
 _limit_threads()
 THREADS = int(os.environ["OMP_NUM_THREADS"])  # processes that a stage may work on, too
+PROCESSES = "FINLOOP_PROCESSES"  # how many processes a stage works on, where that is not THREADS
 if "DVC_STAGE" in os.environ:  # started by DVC, not by hand or in a test
     # dvc.yaml's commands begin with `exec`, so that the parent is DVC itself and no shell between:
     # else the stage of a killed `dvc repro` runs on beside that of the next one.

@@ -20,7 +20,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict
-from itertools import takewhile
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
@@ -36,29 +35,17 @@ from finloop.base.settings import WORDS, check_values
 from finloop.io.numbers import load_numbers as load_stage_numbers
 from finloop.report.headlines import HEADLINES
 from stages.clones import APART, PREFIX, claim_folder
-from stages.cluster import PROCESSES
 from stages.code import OUT as CODE
 from stages.code import file_lists
 from stages.compare import OUT, load_numbers, write_comparison
 from stages.compose import compose_params, load_experiment, quoting_error
 from stages.experiment import FOLDER, Experiment
-from stages.repository import list_experiments, read_git_user, run_git
+from stages.repository import failure_lines, list_experiments, read_git_user, run_dvc, run_git
 from stages.settings import CONF, LOCAL, PARAMS, list_overrides, read_params
 from stages.trials import make_trials
 
-# The command `dvc`, in a process that ends with this one. It is short and makes many small objects,
-# of which garbage collection would take a sixth of its time.
-DVC = """
-import gc, sys
-gc.disable()
-from dvc.cli import main
-from finloop.base.process import die_with_parent
-die_with_parent()
-sys.exit(main())
-"""
 # What may differ between runs of the same code: results, and DVC's settings (a remote's name).
 NOT_COMPARED = (PARAMS.name, "dvc.lock", "reports", ".dvc")
-LAST_LINES = 12  # of the output of a failed run
 AFTER_ANIMATE = {*WORDS[WORDS.index("animate") + 1 :]}  # stages that `animate` does not need
 
 
@@ -99,19 +86,6 @@ def drop_lock_without_results(lock: Path, cache: Path) -> None:
         lock.unlink()
 
 
-def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bool, str]:
-    """Run a DVC command in a folder; return whether it succeeds, and its output.
-
-    processes: the number of processes on which a stage works.
-    """
-    process = subprocess.run(
-        [sys.executable, "-c", DVC, *arguments],
-        cwd=folder, text=True, check=False, env=os.environ | {PROCESSES: str(processes)},
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-    )  # fmt: skip
-    return not process.returncode, process.stdout
-
-
 def _has_same_code_and_params(commit: str, params: str) -> bool:
     """Return whether an experiment's commit has the present code and `params` as params.yaml."""
     excludes = [f":(exclude){name}" for name in NOT_COMPARED]
@@ -150,18 +124,6 @@ def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, pro
     (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
     run_git("fetch", "--quiet", "--no-write-fetch-head", str(clone), f"+{ref}:{ref}")
     return ""
-
-
-def failure_lines(text: str) -> list[str]:
-    """Return finloop's last message in the output of a failed run, or the output's last lines."""
-    lines = text.splitlines()
-    # A message of finloop begins with "finloop: " and has a line "  wanted: "; DVC's own follows.
-    wanted = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
-    if not wanted:
-        return lines[-LAST_LINES:]
-    last_wanted = wanted[-1]
-    first = max(number for number in range(last_wanted) if lines[number].startswith("finloop: "))
-    return [*takewhile(lambda line: not line.startswith("ERROR:"), lines[first:])]
 
 
 def _print_failure(name: str, cause: str) -> None:

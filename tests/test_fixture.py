@@ -25,8 +25,9 @@ def lab(tmp_path_factory):
 def fake_dvc(number: float, fails: bool = False):
     """What stands in for DVC: its run writes one number of the stage clip, and a report."""
 
-    def run_dvc(*_arguments: str, folder: Path) -> tuple[bool, str]:
+    def run_dvc(*_arguments: str, folder: Path, processes: int) -> tuple[bool, str]:
         assert yaml.safe_load((folder / "params.yaml").read_text())["clip"]["source"] == "carp"
+        assert processes == 1
         assert not (folder / "reports").exists() and not (folder / "conf/local").is_file()
         save_numbers(folder / "reports/clip", {"frames": number})
         save_numbers(folder / "reports/realism", {"auc": 0.5})

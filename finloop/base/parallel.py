@@ -17,7 +17,6 @@ from threading import Thread
 from typing import Protocol, TypeVar
 
 import cv2
-import numba
 
 from finloop.base.errors import FinloopError
 
@@ -202,6 +201,8 @@ def map_row_blocks(work: Callable[[slice], B], count: int) -> list[B]:
     runs in several threads at once.
     """
     blocks = [slice(first, first + _BLOCK) for first in range(0, count, _BLOCK)]
+    import numba  # not at the top: stages without kernels would load it, too, in 0.1 s
+
     with ThreadPoolExecutor(numba.get_num_threads()) as pool:
         return list(pool.map(work, blocks))
 

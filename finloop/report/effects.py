@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import studentized_range
 
 from finloop.report.headlines import HEADLINES, HIGHER, LOWER
 from finloop.report.tables import MEASURES, format_number
@@ -173,7 +173,10 @@ def _measure_effect(
     else:  # the test of Tukey and Kramer
         size = float(np.ptp(means)) / spread
         scale = spread * np.sqrt((1 / counts + 1 / counts[top]) / 2)
-        best = studentized_range.sf(differences / scale, len(means), freedom) >= SIGNIFICANCE
+        best = (
+            scipy.stats.studentized_range.sf(differences / scale, len(means), freedom)
+            >= SIGNIFICANCE
+        )
     effect = Effect(
         parameter=parameter, measure=str(raw.name), values=values, means=means, spread=spread,
         size=size, best=best, verdict="",
