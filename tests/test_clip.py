@@ -774,15 +774,15 @@ def test_a_hdf5_file_of_two_films_or_none_is_refused_by_their_names(tmp_path):
 
 @pytest.mark.parametrize(
     ("source", "colour"),
-    [(".mkv", False), (".png", False), (".png", True), (".tif", False), (".tif", True),
+    [(".mkv", False), (".mkv", True), (".png", False), (".png", True), (".tif", False), (".tif", True),
      ("uint16 pages", False), ("float32 pages", False)],
 )  # fmt: skip
 def test_levels_of_sixteen_bits_are_stretched(tmp_path, source, colour):
     grey = np.linspace(500, 4500, WIDTH * HEIGHT).astype(np.uint16).reshape(HEIGHT, WIDTH)
     levels = np.dstack([grey, grey[::-1], grey]) if colour else grey
     if source == ".mkv":
-        kind = "gray16le"
-        path = make_film(tmp_path / "a.mkv", [levels] * 3, codec="ffv1", pix_fmt=kind, source=kind)
+        kind, coded = ("rgb48le", "gbrp16le") if colour else ("gray16le", "gray16le")
+        path = make_film(tmp_path / "a.mkv", [levels] * 3, codec="ffv1", pix_fmt=coded, source=kind)
     elif source.endswith("pages"):
         path = tmp_path / "stack.tif"
         pages = np.array([levels] * 3, source.split()[0])

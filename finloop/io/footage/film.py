@@ -175,16 +175,18 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         first = first or frame
         if (frame.width, frame.height) != (first.width, first.height):
             continue  # `_read_film_frames` reports it
-        rgb = thin_frame(_convert_to_rgb(frame, full_range=False))
+        quantisers += _measure_quantisers(frame)
+        if _is_deep(frame):
+            deep.append(thin_frame(frame.to_ndarray(format="rgb48le")))
+            continue
+        rgb = thin_frame(_convert_to_rgb(frame, full_range=False, levels=None))
         chroma.append(measure_chroma_fraction([rgb]))
         outside.append(_measure_outside_fraction(frame))
-        quantisers += _measure_quantisers(frame)
-        first_component, *others = frame.format.components
-        # Grey of more than 8 bits: the file does not state how many of them the camera fills.
-        if first_component.bits > 8 and not others:
-            deep.append(thin_frame(frame.to_ndarray(format="gray16le")))
     if first is None:
         raise too_few_error(path, 0)
+    levels = choose_deep_levels(deep) if deep else None
+    if levels:
+        chroma = [measure_chroma_fraction([stretch_levels(rgb, *levels)]) for rgb in deep]
     turn, exact = nearest_turn(_read_display_matrix(first))
     states_range = first.color_range in (ColorRange.MPEG, ColorRange.JPEG)
     may_be_limited = first.format.name.startswith(_YUV) and not states_range
@@ -197,9 +199,18 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         interlaced=first.interlaced_frame,
         chroma=float(np.mean(chroma)),
         outside=float(np.mean(outside)) if may_be_limited else 0.0,
-        levels=choose_deep_levels(deep) if deep else None,
+        levels=levels,
         quantiser=float(np.mean(quantisers)) if quantisers else None,
     )
+
+
+def _is_deep(frame: VideoFrame) -> bool:
+    """Return whether a frame is grey or RGB of more than 8 bits.
+
+    Its file does not state how many of them the camera fills, unlike one of YUV.
+    """
+    is_grey = len(frame.format.components) <= 2  # the second is alpha
+    return frame.format.components[0].bits > 8 and (is_grey or frame.format.is_rgb)
 
 
 def _measure_outside_fraction(frame: VideoFrame) -> float:
@@ -357,7 +368,7 @@ def _upright_picture(footage: Footage, frame: VideoFrame) -> np.ndarray:
     It is (h, w, 3) RGB if `footage.colour`, else (h, w) grey.
     """
     if footage.colour:
-        picture = _convert_to_rgb(frame, footage.full_range)
+        picture = _convert_to_rgb(frame, footage.full_range, footage.levels)
     else:
         picture = _convert_to_grey(frame, footage.full_range, footage.levels)
     square = square_size(*footage.coded_size, footage.pixel_aspect)
@@ -448,9 +459,11 @@ def _convert_to_grey(
 
     full_range: take the file's levels as they are, 0 … 255, even if the frame states none; else
     the limited range, 16 … 235, is expanded unless the frame says that it is full. levels: of a
-    frame of more than 8 bits, the two that become 0 and 255; None for 8 bits.
+    frame of `_is_deep`, the two that become 0 and 255; None for others.
     """
     if levels:
+        if frame.format.is_rgb:
+            return cv2.cvtColor(_convert_to_rgb(frame, full_range, levels), cv2.COLOR_RGB2GRAY)
         return stretch_levels(frame.to_ndarray(format="gray16le"), *levels)
     name, bits = frame.format.name, frame.format.components[0].bits
     if bits == 8 and name.startswith(_LUMA_FIRST):  # the general conversion is 20 times slower
@@ -465,12 +478,16 @@ def _convert_to_grey(
     )
 
 
-def _convert_to_rgb(frame: VideoFrame, full_range: bool) -> np.ndarray:
+def _convert_to_rgb(
+    frame: VideoFrame, full_range: bool, levels: tuple[float, float] | None
+) -> np.ndarray:
     """Convert a decoded frame to RGB (h, w, 3) uint8, by the range and matrix that it states.
 
     Without a matrix it is BT.709 from 720 rows on, else BT.601, as players do. full_range: take its
-    levels as 0 … 255 even if it does not say so.
+    levels as 0 … 255 even if it does not say so. levels: see `_convert_to_grey`.
     """
+    if levels:
+        return stretch_levels(frame.to_ndarray(format="rgb48le"), *levels)
     matrix = frame.colorspace
     if matrix not in list(Colorspace):
         matrix = Colorspace.ITU709 if frame.height >= HD_HEIGHT else Colorspace.ITU601
