@@ -137,7 +137,8 @@ def _draw_shake(
     (frame,) = read_frames([number])
     moved, marks = to_grey(frame), find_landmarks(tank)
     steepest = int(np.hypot(marks.slope_right, marks.slope_down).argmax())
-    place = int(marks.x[steepest]), int(marks.y[steepest]), 1, 1
+    left, top = (int(places[steepest]) * marks.reduction for places in (marks.x, marks.y))
+    place = left, top, marks.reduction, marks.reduction
     picture = _crop_around(np.dstack([to_grey(tank), moved, moved]), place)
     # Each colour from black to white: pale marks are seen, and other light does not tint them.
     low, high = picture.min(axis=(0, 1)), picture.max(axis=(0, 1))
