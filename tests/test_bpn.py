@@ -273,26 +273,24 @@ def test_a_step_reckoned_on_paper():
     first[0, 0], second[0] = np.log(3), [2, -1.5]
     before = weights.copy()
     x, t = np.array([[1.0, 0, 0, 0, 1]]), np.array([[0.1, 0.5]])
-    learn_epoch(x, t, weights, velocity, 1, 0.5, 0.5)
+    learn_epoch(x, t, weights, velocity, 0.5, 0.5)
     # (o - t) o (1 - o) = 0.1, half of it is the step; times h; behind it times 2 h (1 - h)
     wanted = -np.array([0.01875, 0, 0, 0, 0.01875, 0.0375, 0.05, 0, 0])
     assert weights - before == pytest.approx(wanted, abs=1e-12)
     assert velocity == pytest.approx(wanted, abs=1e-12)
 
 
-@pytest.mark.parametrize("size", [1, 8, 80])
-def test_an_epoch_is_that_of_sgd_with_momentum(size):
+def test_an_epoch_is_that_of_sgd_with_momentum():
     weights, x, t = problem(rows=50)
     leaf = torch.from_numpy(weights.copy()).requires_grad_()
     peer = torch.optim.SGD([leaf], lr=0.1, momentum=0.5)
     velocity = np.zeros_like(weights)
     for _ in range(3):
-        lots = (torch.from_numpy(one).split(size) for one in (x, t))
-        for lot_x, lot_t in zip(*lots, strict=True):
+        for row_x, row_t in zip(torch.from_numpy(x), torch.from_numpy(t), strict=True):
             peer.zero_grad()
-            energy(leaf, lot_x, lot_t).backward()
+            energy(leaf, row_x[None], row_t).backward()
             peer.step()
-        learn_epoch(x, t, weights, velocity, size, 0.1, 0.5)
+        learn_epoch(x, t, weights, velocity, 0.1, 0.5)
     np.testing.assert_allclose(weights, leaf.detach().numpy(), rtol=1e-8, atol=1e-10)
 
 
@@ -369,8 +367,7 @@ def test_the_seed_decides_every_bit():
     assert not same(one[0], learnt(inputs, law(inputs), how, seed=1)[0])
 
 
-@pytest.mark.parametrize("batch_size", [1, 7, 5000])
-def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
+def test_every_row_is_learnt_from_once_an_epoch(monkeypatch):
     seen = []
     real = finloop.bpn.back_propagation.learn_epoch
 
@@ -380,7 +377,7 @@ def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
 
     monkeypatch.setattr(finloop.bpn.back_propagation, "learn_epoch", record_rows)
     inputs = random_inputs(101)
-    how = replace(HOW, epochs=2, batch_size=batch_size, learning_rate=0.01)
+    how = replace(HOW, epochs=2, learning_rate=0.01)
     learnt(inputs, law(inputs), how)
     low, high = find_input_range(inputs)
     wanted = np.sort(scale_to_unit(inputs, low, high)[:, 0])
@@ -605,7 +602,7 @@ def test_the_stage_makes_the_model_and_its_reports_the_same_each_time(workspace)
 
 
 @pytest.mark.parametrize(
-    "override", ["bpn.seed=1", "bpn.held_out_by=tracks", "bpn.hidden_units=5", "bpn.batch_size=3",
+    "override", ["bpn.seed=1", "bpn.held_out_by=tracks", "bpn.hidden_units=5",
                  "bpn.momentum=0", "bpn.learning_rate=0.2", "bpn.held_out_ratio=0.4"]
 )  # fmt: skip
 def test_every_parameter_changes_the_model(workspace, override):

@@ -3,9 +3,9 @@
 A parameter is declared once, in the flat frozen dataclass `<Word>Settings` of
 `finloop/<word>/settings.py`: its type and range as an annotation. Its value, unit and meaning stand
 in `conf/<word>/default.yaml`. Constants beside the parameters are ClassVars; so is `RENAMED`, the
-new name of each old one. Where a word has several variants, it is the union of their dataclasses,
-each with a field `source` that names its file in `conf/<word>/`. `__post_init__` may raise
-ValueError for values that must not be together.
+new name of each old one, or a phrase that says what replaces it. Where a word has several variants,
+it is the union of their dataclasses, each with a field `source` that names its file in
+`conf/<word>/`. `__post_init__` may raise ValueError for values that must not be together.
 
 Types are strict (3.0 is no int, "3" no number, true no 1); NaN and infinity are never allowed.
 """
@@ -282,6 +282,8 @@ def _suggest_name(word: str, declared: type, key: str) -> str:
     key = getattr(declared, "RENAMED", {}).get(key, key)
     if key in names:
         return f"it is {word}.{key} now"
+    if " " in key:  # no name, but the reason why there is none
+        return key
     for base in declared.__mro__:  # a constant has an annotation in its class, and is no field
         if key in vars(base).get("__annotations__", {}):
             return f"it is a constant now, {base.__name__}.{key}"

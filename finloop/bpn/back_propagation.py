@@ -1,8 +1,7 @@
 """Plain back-propagation of the network 4-hidden-2 (fish paper §3.1, §5.1.1, Figs. 6, 15).
 
 Glossary: x a row of scaled inputs and a 1; h the hidden layer and a 1; o the outputs; t the
-targets; E = ½ Σ (o - t)² over the rows of a batch and both outputs. Sums, not means: a batch of one
-row is the paper's rule, a larger one takes the sum of its steps.
+targets; E = ½ Σ (o - t)² over both outputs of a row.
 """
 
 import math
@@ -71,13 +70,13 @@ def unit_output(weights, signals):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def learn_epoch(x, t, weights, velocity, batch_size, learning_rate, momentum):  # type: ignore[no-untyped-def]
+def learn_epoch(x, t, weights, velocity, learning_rate, momentum):  # type: ignore[no-untyped-def]
     """Learn once from every row by back-propagation (§3.1); change weights and velocity in place.
 
     x (n, 5): scaled inputs and a 1; t (n, 2): scaled targets, in 0 … 1; both are used in their
     order. weights, velocity: flat, of the hidden layer and then of the output layer, each unit's
-    bias last. batch_size: rows. After each batch velocity ← momentum · velocity - learning rate ·
-    ∂E/∂weights, and weights ← weights + velocity.
+    bias last. After each row velocity ← momentum · velocity - learning rate · ∂E/∂weights, and
+    weights ← weights + velocity.
     """
     first, second = split_layers(weights)
     first_velocity, second_velocity = split_layers(velocity)
@@ -85,24 +84,23 @@ def learn_epoch(x, t, weights, velocity, batch_size, learning_rate, momentum):  
     # E = ½ Σ (output − t)². The hidden outputs and a 1; and per output unit k, in `step`, the
     # learning rate times ∂E/∂z, z being its weighted inputs.
     hidden_signals, step = np.ones(hidden + 1), np.empty(_OUT)
-    for begin in range(0, len(x), batch_size):
+    for row in range(len(x)):
         velocity *= momentum
-        for row in range(begin, min(begin + batch_size, len(x))):
-            for j in range(hidden):
-                hidden_signals[j] = unit_output(first[j], x[row])
+        for j in range(hidden):
+            hidden_signals[j] = unit_output(first[j], x[row])
+        for k in range(_OUT):
+            output = unit_output(second[k], hidden_signals)
+            step[k] = learning_rate * (output - t[row, k]) * output * (1 - output)
+        for j in range(hidden):
+            gradient = 0.0  # the learning rate times ∂E/∂(weighted inputs) of hidden unit j
             for k in range(_OUT):
-                output = unit_output(second[k], hidden_signals)
-                step[k] = learning_rate * (output - t[row, k]) * output * (1 - output)
-            for j in range(hidden):
-                gradient = 0.0  # the learning rate times ∂E/∂(weighted inputs) of hidden unit j
-                for k in range(_OUT):
-                    gradient += second[k, j] * step[k]
-                gradient *= hidden_signals[j] * (1 - hidden_signals[j])  # the sigmoid's derivative
-                for i in range(_IN):
-                    first_velocity[j, i] -= gradient * x[row, i]
-            for k in range(_OUT):
-                for j in range(hidden + 1):
-                    second_velocity[k, j] -= step[k] * hidden_signals[j]
+                gradient += second[k, j] * step[k]
+            gradient *= hidden_signals[j] * (1 - hidden_signals[j])  # the sigmoid's derivative
+            for i in range(_IN):
+                first_velocity[j, i] -= gradient * x[row, i]
+        for k in range(_OUT):
+            for j in range(hidden + 1):
+                second_velocity[k, j] -= step[k] * hidden_signals[j]
         weights += velocity
 
 
@@ -145,16 +143,14 @@ def train_motion_model(
     for _ in range(settings.epochs):
         order = rng.permutation(len(x))
         learn_epoch(
-            x[order], t[order], weights, velocity,
-            settings.batch_size, settings.learning_rate, settings.momentum,
-        )  # fmt: skip
+            x[order], t[order], weights, velocity, settings.learning_rate, settings.momentum
+        )
         if not np.abs(weights).max() < _RUN_AWAY:  # NaN, too
             raise FinloopError(
                 f"the weights grew without bound (learning rate {settings.learning_rate:g}, "
-                f"momentum {settings.momentum:g}, at most {settings.batch_size} rows a batch)",
+                f"momentum {settings.momentum:g})",
                 "steps that are small enough to lower the error",
-                "a smaller bpn.learning_rate (it counts per row of a batch) or a smaller "
-                "bpn.momentum",
+                "a smaller bpn.learning_rate or bpn.momentum",
             )
         model = model_from_weights(weights, low, high, delta_s)
         curve.append(_learning_curve_row(model, watched))

@@ -16,7 +16,6 @@ class BpnSettings:
     learning_rate: Positive
     momentum: Annotated[float, Field(ge=0, lt=1)]
     epochs: Count
-    batch_size: Count
     seed: Seed
     held_out_by: Literal["blocks", "tracks"]
     held_out_block_deltas: Positive
@@ -26,6 +25,7 @@ class BpnSettings:
     # error of the area falls by 3 %, that of the type from 26 to 24 %: more gain little
     most_rows: ClassVar[int] = 50000
     RENAMED: ClassVar = {
+        "batch_size": "the weights change after every row, as in the paper",
         "hidden": "hidden_units",
         "split": "held_out_by",
         "block": "held_out_block_deltas",
