@@ -39,8 +39,17 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
     for out in named:
         assert (folder / out).exists(), out
     assert {path.name for path in (folder / "data/morph").iterdir()} == {
-        f"fold_free{ending}" for ending in (".svg", ".json", ".lottie.json", ".webp", ".mp4")
-    } | {"connection.csv", "folds.csv"}
+        f"fold_free{ending}"
+        for ending in (
+            ".svg",
+            ".json",
+            ".lottie.json",
+            ".spine.json",
+            ".spine.atlas",
+            ".webp",
+            ".mp4",
+        )
+    } | {"finloop-white.png", "connection.csv", "folds.csv"}
     for number in range(2, 8):
         assert load_picture(folder / f"reports/morph/figures/fig{number}.png").std() > 5
     numbers = load_numbers(folder / "reports/morph")

@@ -93,6 +93,14 @@ class Morph:
     height: float
     decimals: int  # digits after the point that coordinates have
 
+    @property
+    def end_frame(self) -> int:
+        """Return which frame follows the last: the first if a morph goes there and back, else −1.
+
+        −1 is the last again.
+        """
+        return 0 if self.tau[-1] < self.tau.max() else -1
+
     def take_frames(self, frames: Ints) -> "Morph":
         """Return a morph of only the given frames (g,), numbers from 0, in the given order."""
         return replace(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Ints, Picture, Points
+from finloop.base.drawing import Morph
 from finloop.base.style import (
     Colour,
     Gradient,
@@ -81,6 +82,19 @@ def group_contours(
             paint = black_line
         shapes.append(Shape(name, tuple(layers), layers_closed, paint))
     return shapes
+
+
+def painted_frames(morph: Morph) -> list[list[Shape]]:
+    """Return the painted shapes of a morph, bottom first, each as it is in every frame.
+
+    One shape can hold several contours.
+    """
+    side = max(morph.width, morph.height)
+    frames = [
+        group_contours(morph.closed, morph.paints_at(frame), side)
+        for frame in range(len(morph.tau))
+    ]
+    return [list(shapes) for shapes in zip(*frames, strict=True)]
 
 
 def paint_layers(

@@ -1,7 +1,8 @@
 """The command line of `gait`: two key poses and the name of a gait give a moving drawing.
 
 `python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. Contours of the same id form
-a pair. The file name's ending selects the format: .svg, .webp, .mp4, .json, .lottie.json.
+a pair. The file name's ending selects the format: .svg, .webp, .mp4, .json, .lottie.json,
+.spine.json.
 """
 
 import argparse
@@ -57,8 +58,10 @@ def _write_cycle(options: argparse.Namespace) -> str:
     gait = replace(gait, wavelet=wavelet)
     poses = load_svg(options.key1), load_svg(options.key2)
     result = animate_drawing(*poses, gait, frames, options.points, control)
-    save_animation(options.output, repeat_cycle(result.morph, options.cycles), rate, options.size)
-    return _summarise_transfer(result, gait, float(frames / rate))
+    shown = repeat_cycle(result.morph, options.cycles)
+    lost = save_animation(options.output, shown, rate, options.size)
+    summary = _summarise_transfer(result, gait, float(frames / rate))
+    return f"{summary}\n  {lost}" if lost else summary
 
 
 def load_gait(path: Path) -> Gait:

@@ -1,7 +1,7 @@
-"""Morphs as files, by their ending: animated SVG, WebP, MP4, plain JSON, Lottie JSON.
+"""Morphs as files, by their ending: animated SVG, WebP, MP4, plain JSON, Lottie JSON, Spine JSON.
 
-A file appears under its name when it is complete. SVG and both JSONs hold the morph's numbers digit
-for digit, so the frames have exactly the counted folds.
+A file appears under its name when it is complete. SVG, plain and Lottie JSON hold the
+morph's numbers digit for digit, so the frames have exactly the counted folds.
 """
 
 import io
@@ -20,11 +20,12 @@ from PIL import Image
 from finloop.base.arrays import Ints, Picture
 from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import Shape, group_contours, paint_layers
+from finloop.base.paint import Shape, group_contours, paint_layers, painted_frames
 from finloop.base.parallel import Threads, ordered_map
 from finloop.base.style import Colour, Fill, Gradient, Paint, give_dashes, scale_paint
 from finloop.io.atomic import save_bytes
 from finloop.io.movie import Mp4Writer
+from finloop.io.spine import save_spine
 from finloop.io.video import THREADS
 
 CRF = 18  # quality of MP4, 0 = best
@@ -36,8 +37,8 @@ Json = dict[str, Any]
 
 def save_animation(
     path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int = 512
-) -> None:
-    """Write a morph to `path`: as SVG, Lottie JSON, plain JSON, WebP or MP4, by the path's ending.
+) -> str:
+    """Write a morph to `path` in the format of its ending; say what the format cannot hold, or "".
 
     frame_rate: frames per second. longer_side_px: of the pictures in WebP and MP4. FinloopError if
     the ending is not one of `ENDINGS`, or if rate or side are out of their ranges.
@@ -53,7 +54,7 @@ def save_animation(
         raise FinloopError(
             f"a film {longer_side_px} px large", f"16 … {LARGEST_PX} px", "set --size 512"
         )
-    write(path, morph, frame_rate, longer_side_px)
+    return write(path, morph, frame_rate, longer_side_px) or ""
 
 
 def find_morph_writer(path: Path) -> "Writer":
@@ -111,8 +112,8 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
         f'<g transform="scale({1 / grid:.10g})" stroke-linejoin="round" stroke-linecap="round"'
         ' fill-rule="evenodd">',
     ]
-    clock = _SvgClock(f'dur="{float(seconds):.6g}s" repeatCount="indefinite"', _end_frame(morph))
-    for number, frames in enumerate(_painted_frames(morph)):
+    clock = _SvgClock(f'dur="{float(seconds):.6g}s" repeatCount="indefinite"', morph.end_frame)
+    for number, frames in enumerate(painted_frames(morph)):
         shape = frames[0]
         contours = [np.round(morph.layers[name] * grid).astype(np.int64) for name in shape.layers]
         paths = [
@@ -133,27 +134,6 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
             d = quoteattr(paths[0])
             lines.append(f"{defs}<path {name}{attributes} d={d}>{animations}</path>")
     save_bytes(path, "\n".join([*lines, "</g>", "</svg>", ""]).encode())
-
-
-def _painted_frames(morph: Morph) -> list[list[Shape]]:
-    """Return the painted shapes of a morph, bottom first, each as it is in every frame.
-
-    One shape can hold several contours.
-    """
-    side = max(morph.width, morph.height)
-    frames = [
-        group_contours(morph.closed, morph.paints_at(frame), side)
-        for frame in range(len(morph.tau))
-    ]
-    return [list(shapes) for shapes in zip(*frames, strict=True)]
-
-
-def _end_frame(morph: Morph) -> int:
-    """Return which frame follows the last: the first if a morph goes there and back, else -1.
-
-    -1 is the last again.
-    """
-    return 0 if morph.tau[-1] < morph.tau.max() else -1
 
 
 def _split_by_kind(paints: list[Paint]) -> list[tuple[list[Paint], NDArray[np.bool_]]]:
@@ -293,7 +273,7 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px:
     per second. longer_side_px is not used: the picture is scalable.
     """
     layers = [
-        _lottie_layer(morph, frames, k) for k, frames in enumerate(_painted_frames(morph)[::-1], 1)
+        _lottie_layer(morph, frames, k) for k, frames in enumerate(painted_frames(morph)[::-1], 1)
     ]
     # fr: frames per second; ip, op: first frame, and the one after the last; ddd: three dimensions.
     _save_json(path, {
@@ -477,10 +457,11 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
     return ordered_map(paint_frame, range(len(morph.tau)), Threads(THREADS))
 
 
-Writer = Callable[[Path, Morph, Fraction, int], None]
+Writer = Callable[[Path, Morph, Fraction, int], str | None]
 ENDINGS: dict[str, Writer] = {
     ".svg": _save_svg,
     ".lottie.json": _save_lottie,
+    ".spine.json": save_spine,
     ".json": _save_plain,
     ".webp": _save_film,
     ".mp4": _save_film,

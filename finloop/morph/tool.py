@@ -1,7 +1,7 @@
 """The command line of `morph`: `python -m finloop.morph a.svg b.svg -o out.svg`.
 
 Shapes of the same id form a pair; others are paired by place and shape, or by a file. The ending of
-the output selects the format: .svg, .webp, .mp4, .json, .lottie.json.
+the output selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json.
 """
 
 import argparse
@@ -50,8 +50,8 @@ def _write_morph(options: argparse.Namespace) -> str:
         physics=PhysicalOptions(options.elastic, options.damping, options.mass),
     )
     shown = there_and_back(result) if options.back else result
-    save_animation(options.output, shown, options.fps, options.size)
-    return "; ".join(filter(None, [_summarise_morph(result), pairing]))
+    lost = save_animation(options.output, shown, options.fps, options.size)
+    return "; ".join(filter(None, [_summarise_morph(result), pairing, lost]))
 
 
 def _summarise_morph(result: Morph) -> str:
