@@ -108,7 +108,8 @@ def test_names_and_styles_follow_the_first_drawing():
         (Pairing({"nose": "eye"}), "first drawing: no shape 'nose'"),
         (Pairing({"left": "nose"}), "second drawing: no shape 'nose'"),
         (Pairing({"left": "eye"}, vanish=["left"]), "'left' twice"),
-        (Pairing({"left": "eye", "right": "eye"}), "'eye' twice"),
+        (Pairing({"left": "eye"}, splits={"right": ["eye", "lips"]}), "'eye' twice"),
+        (Pairing({"left": "eye"}, appear=["eye"]), "'eye' twice"),
     ],
 )
 def test_pairs_that_cannot_be_are_refused(given, said):
@@ -119,7 +120,8 @@ def test_pairs_that_cannot_be_are_refused(given, said):
 @pytest.mark.parametrize(
     ("text", "said"),
     [("[a, b]", "no keys"), ("pairs: [a]", "pairs are no"), ("pairs: {a: 3}", "pairs are no"),
-     ("eyes: {a: b}", "it has eyes"), ("vanish: hat", "vanish is no list"), ("{", "cannot be read")],
+     ("pairs: {a: [b]}", "pairs are no"), ("pins: {a: [[1, 2]]}", "pins are no"),
+     ("pins: {a: [[[1, 2], [3, .nan]]]}", "pins are no"), ("eyes: {a: b}", "it has eyes"), ("vanish: hat", "vanish is no list"), ("{", "cannot be read")],
 )  # fmt: skip
 def test_a_file_without_pairs_is_refused(tmp_path, text, said):
     path = tmp_path / "pairs.yaml"

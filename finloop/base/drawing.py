@@ -33,6 +33,10 @@ class Drawing:
     styles: dict[str, Paint] = field(default_factory=dict)  # by id; some may lack one
     # by id: the ids of the groups around a contour, from the nearest to the outermost
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    # by id of a shape: points (k, 2) that go to those of the same shape in another drawing
+    pins: dict[str, Points] = field(default_factory=dict)
+    # by id: ends (k, 2, 2) of the edges where a shape was cut into pieces, which no line shows
+    cuts: dict[str, Points] = field(default_factory=dict)
 
 
 def clean_curve(curve: Curve, name: str) -> Curve:

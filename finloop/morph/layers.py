@@ -5,19 +5,19 @@ hold for the coordinates in the files. Two of the paper's methods are here, line
 and physical (Fig. 5); neither avoids folds.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import ceil, log10
 from typing import NamedTuple
 
 import numpy as np
 
-from finloop.base.arrays import Ints, Points
+from finloop.base.arrays import Floats, Ints, Mask, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import PART, layers_by_shape, shape_of
+from finloop.base.paint import PART, layers_by_shape
 from finloop.base.style import Gradient, Paint, mix_paints, move_paint, scale_paint
-from finloop.curve.contour import Curve
+from finloop.curve.contour import Curve, nearest_on_curve
 from finloop.curve.dynamics import Material, Problem, solve_motion
 from finloop.curve.wavelet import close_by_mirroring
 from finloop.morph.folds import (
@@ -27,13 +27,17 @@ from finloop.morph.folds import (
     count_polygon_folds,
     stays_simple,
 )
-from finloop.morph.match import FULL, Resolution, match_curves
-from finloop.morph.simple import morph_regions_without_folds, morph_without_folds
+from finloop.morph.match import FULL, Pins, Resolution, match_curves
+from finloop.morph.shapes import match_shapes
+from finloop.morph.simple import morph_contours
 
 METHODS = ("linear", "physical", "fold_free")
 DIGITS = (6, 9, 12)  # significant digits of the larger side: the grid is 1e-5 of it or finer
 REACH = 1000  # sides of the picture: the largest coordinate of a contour
 MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
+HIDDEN = 0.5  # widths of a line: a contour shorter than that is a point, and has no line
+CLOSED_BY = 0.3  # share of a morph, after which a line has closed the gaps along cuts
+NEAR_CUT = 1e-3  # of a contour's size: how near to a cut the middle of an edge counts as on it
 FADE = 0.25
 """Final share of the time of a physical morph, in which the motion fades out: it ends at b."""
 
@@ -60,10 +64,11 @@ def morph_drawings(
 ) -> Morph:
     """Return the morph of drawing `a` into drawing `b`, which is fitted into the picture of `a`.
 
-    a, b: with the same ids, each contour closed in both or open in both; with `fold_free`, a shape
-    may have other holes in b. method: one of METHODS; `fold_free` keeps every contour free of
-    folds, and every region free of crossings. frames: their number, at least 2, both ends included.
-    points: of every contour, at least 8; a power of two for `physical`, and with a level.
+    a, b: with shapes of the same ids. An open contour may become a closed one, and holes may
+    differ, but not the number of separate parts. method: one of METHODS; `fold_free` keeps every
+    contour free of folds, and every region free of crossings. frames: their number, at least 2,
+    both ends included. points: of every contour, at least 8; a power of two for `physical`, and
+    with a level.
     resolution: of every contour, also in both ends. physics: settings of the physical morph.
     FinloopError if the drawings do not match, a number is out of range, or the method cannot morph
     a contour, which the message names.
@@ -73,36 +78,59 @@ def morph_drawings(
             f"the method {method!r}", f"one of {', '.join(METHODS)}", "choose one of these"
         )
     check_sizes("morph", frames, points, 2)
-    regions = _region_names(a, b) if method == "fold_free" else {}
-    in_regions = {name for names in regions.values() for pair in names for name in pair}
-    check_pairs(_without(a, in_regions), _without(b, in_regions))
+    shapes_a, shapes_b = layers_by_shape(a.curves), layers_by_shape(b.curves)
+    _check_shapes(shapes_a, shapes_b)
     b = fit_drawing(b, a.width, a.height)
     side = max(a.width, a.height)
-    morph_pair: dict[str, Callable[[Curve, Curve], Points]] = {
-        "linear": lambda a, b: linear_morph(a, b, frames, points, resolution),
-        "physical": lambda a, b: physical_morph(a, b, frames, points, physics, resolution),
-        "fold_free": lambda a, b: morph_without_folds(a, b, frames, points, resolution),
-    }
     layers: dict[str, Points] = {}
-    for name, curve in a.curves.items():
-        shape = shape_of(name)
-        if shape not in regions:
-            layers[name] = _morph_contour(name, curve, b.curves[name], side, morph_pair[method])
-        elif shape not in layers:  # all contours of a region at its first one
-            names_a, names_b = regions[shape]
-            stacks = _morph_region(
-                shape, [a.curves[part] for part in names_a], [b.curves[part] for part in names_b],
-                side, frames, points, resolution,
+    closed: dict[str, bool] = {}
+    for shape, names in shapes_a.items():
+        try:
+            contours = _morph_shape(
+                [a.curves[name] for name in names],
+                [b.curves[name] for name in shapes_b[shape]],
+                Pins(*(drawing.pins.get(shape, np.zeros((0, 2))) for drawing in (a, b))),
+                method, frames, points, resolution, physics,
             )  # fmt: skip
-            layers |= {
-                f"{shape}{PART}{number}" if number > 1 else shape: stack
-                for number, stack in enumerate(stacks, start=1)
-            }
+        except FinloopError as error:
+            raise FinloopError(f"shape {shape!r}: {error.came}", error.wanted, error.do) from error
+        for number, (stack, is_closed) in enumerate(contours, start=1):
+            _require_near(shape, stack, side)
+            name = f"{shape}{PART}{number}" if number > 1 else shape
+            layers[name], closed[name] = stack, is_closed
     digits = DIGITS if method == "fold_free" else DIGITS[:1]
     tau = np.linspace(0, 1, frames)
     ends = [{name: stack[end] for name, stack in layers.items()} for end in (0, -1)]
     styles = mix_styles(a, b, tau, layers, ends)
-    return build_morph(a, tau, layers, styles, digits)
+    return build_morph(a, tau, layers, styles, digits, closed=closed)
+
+
+def _morph_shape(
+    a: Sequence[Curve], b: Sequence[Curve], pins: Pins, method: str, frames: int, points: int,
+    resolution: Resolution, physics: PhysicalOptions,
+) -> list[tuple[Points, bool]]:  # fmt: skip
+    """Return the frames (frames, points, 2) of each contour of a shape, and whether it is closed.
+
+    FinloopError if the contours cannot be paired, or the method cannot morph them.
+    """
+    is_physical = method == "physical"  # solved at all points, or at those of its own level
+    pairs = match_shapes(
+        a, b, points, FULL if is_physical else resolution, pins, strict=method == "fold_free"
+    )
+    contours = list[tuple[Points, bool]]()
+    for first, second, layout in pairs:
+        if method == "fold_free":
+            is_pinned = bool(len(pins.first))
+            stack = morph_contours(first, second, layout, frames, is_pinned)
+        elif is_physical:
+            stack = np.concatenate([
+                release_curve(first[part], second[part], layout.closed, frames, physics, resolution)
+                for part in layout.parts
+            ], axis=1)  # fmt: skip
+        else:
+            stack = blend_points(first, second, frames)
+        contours += [(stack[:, part], layout.closed) for part in layout.parts]
+    return contours
 
 
 def build_morph(
@@ -112,6 +140,7 @@ def build_morph(
     styles: dict[str, tuple[Paint, ...]],
     digits: Sequence[int],
     repeats: bool = False,
+    closed: Mapping[str, bool] | None = None,
 ) -> Morph:
     """Return a morph made of given frames: coordinates rounded, folds counted.
 
@@ -120,9 +149,9 @@ def build_morph(
     second drawing in every frame; layers: contours (f, n, 2) by id; styles: f paints by id.
     digits: to how many significant digits of the picture's larger side coordinates are rounded: the
     first number with which no frame folds, else the last. repeats: whether the first frame follows
-    the last.
+    the last. closed: whether each contour is closed, by id; None: as in `a`.
     """
-    closed = {name: a.curves[name].closed if name in a.curves else True for name in layers}
+    closed = closed or {name: curve.closed for name, curve in a.curves.items()}
     shapes = layers_by_shape(layers)
     for significant in digits:
         decimals = significant - ceil(log10(max(a.width, a.height)))
@@ -148,7 +177,7 @@ def build_morph(
     return Morph(
         tau=tau,
         layers=rounded,
-        closed=closed,
+        closed={name: closed[name] for name in layers},
         folds=folds,
         continuous=continuous,
         styles=styles,
@@ -182,53 +211,13 @@ def _count_crossings(
     return np.zeros_like(crossings) if is_drawn else crossings
 
 
-def _region_names(a: Drawing, b: Drawing) -> dict[str, tuple[list[str], list[str]]]:
-    """Return the regions of two drawings: shape → ids of its contours in a, and in b.
-
-    A region is a shape of closed contours that has several of them in one of the drawings.
-    """
-    shapes_a, shapes_b = layers_by_shape(a.curves), layers_by_shape(b.curves)
-    return {
-        shape: (names, shapes_b[shape])
-        for shape, names in shapes_a.items()
-        if shape in shapes_b
-        and max(len(names), len(shapes_b[shape])) > 1
-        and all(a.curves[name].closed for name in names)
-        and all(b.curves[name].closed for name in shapes_b[shape])
-    }
-
-
-def _without(drawing: Drawing, names: Collection[str]) -> Drawing:
-    """Return a drawing without the contours of some ids."""
-    curves = {name: curve for name, curve in drawing.curves.items() if name not in names}
-    return replace(drawing, curves=curves)
-
-
-def _morph_region(
-    shape: str, a: Sequence[Curve], b: Sequence[Curve], side: float, frames: int, points: int,
-    resolution: Resolution,
-) -> list[Points]:  # fmt: skip
-    """Return the frames (frames, points, 2) of each contour of a shape.
-
-    shape: its id, for error messages; side: longer side of the picture. FinloopError as in
-    `morph_regions_without_folds`, or if a contour reaches farther than REACH sides.
-    """
-    try:
-        stacks = morph_regions_without_folds(a, b, frames, points, resolution)
-    except FinloopError as error:
-        raise FinloopError(f"shape {shape!r}: {error.came}", error.wanted, error.do) from error
-    for stack in stacks:
-        _require_near(shape, stack, side)
-    return stacks
-
-
 def _require_near(name: str, stack: Points, side: float) -> None:
-    """Raise FinloopError if a frame of a contour (f, n, 2) reaches farther than REACH sides."""
+    """Raise FinloopError if a frame of a shape (f, n, 2) reaches farther than REACH sides."""
     if not (np.abs(stack) <= REACH * side).all():
         raise FinloopError(
-            f"contour {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
+            f"shape {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
             f"at most {REACH} times its size",
-            "move the contour into the picture, or set the viewBox around the contours",
+            "move the shape into the picture, or set the viewBox around the contours",
         )
 
 
@@ -242,7 +231,8 @@ def mix_styles(
     """Return, by id, how each contour is painted in every frame between two drawings.
 
     A contour that only one drawing paints has that paint throughout. A gradient moves with its
-    contour: from either drawing by the affine motion that fits the motion of the points best.
+    contour: from either drawing by the affine motion that fits the motion of the points best. A
+    line leaves cuts open, as a gap between dashes, which closes on the way.
     shares (f,): of the way from `a` to `b` in every frame; layers: contours (f, n, 2) by id; ends:
     of a and of b, the same points (n, 2) by id.
     """
@@ -259,7 +249,73 @@ def mix_styles(
                 for paint, contour in (known[0], known[-1])
             ]
             styles[name] = tuple(map(mix_paints, *moved, shares.tolist()))
+            for drawing, end, whole in zip((a, b), ends, (shares, 1 - shares), strict=True):
+                if name in drawing.cuts:
+                    is_cut = _find_cut_edges(end[name], drawing.cuts[name])
+                    styles[name] = tuple(
+                        _leave_gaps(paint, points, is_cut, float(share) / CLOSED_BY)
+                        for paint, points, share in zip(styles[name], stack, whole, strict=True)
+                    )
+    for names in layers_by_shape(layers).values():
+        if len(names) > 1 and names[0] in styles:
+            stacks = [layers[name] for name in names]
+            lengths = [
+                np.hypot(*(np.roll(stack, -1, axis=1) - stack).T).sum(axis=0) for stack in stacks
+            ]
+            hidden = tuple(map(_hide_points, styles[names[0]], np.transpose(lengths)))
+            styles |= dict.fromkeys(names, hidden)
     return styles
+
+
+def _hide_points(paint: Paint, lengths: Floats) -> Paint:
+    """Return a paint that shows no line along contours as small as points.
+
+    lengths (k,): of a shape's contours, in a frame. Each line begins with a gap that is too small
+    to be seen between round ends, in which such a contour lies whole.
+    """
+    gap = HIDDEN * paint.width
+    if paint.stroke is None or paint.dashes or not lengths.min() < 0.9 * gap < lengths.max():
+        return paint
+    dash = 2 * float(lengths.max())
+    # The line begins within the gap: a dash that ends where it begins would be a dot.
+    return replace(paint, dashes=(dash, gap), dash_offset=dash + 0.1 * gap, round_dashes=True)
+
+
+def _find_cut_edges(points: Points, cuts: Points) -> Mask:
+    """Return which edges (n,) of a closed contour (n, 2) lie along cuts, their ends (k, 2, 2)."""
+    middles = (points + np.roll(points, -1, axis=0)) / 2
+    gaps = [nearest_on_curve(middles, Curve(ends, False))[1] for ends in cuts]
+    near = np.min([np.hypot(*gap.T) for gap in gaps], axis=0)
+    is_cut = near <= NEAR_CUT * np.hypot(*np.ptp(points, axis=0))
+    is_cut |= np.roll(is_cut, 1) & np.roll(is_cut, -1)  # an edge across a corner of the cut
+    return np.asarray(is_cut)
+
+
+def _leave_gaps(paint: Paint, points: Points, is_cut: Mask, whole: float) -> Paint:
+    """Return a paint whose line leaves the cut edges of a closed contour (n, 2) open.
+
+    is_cut (n,): of its edges. whole: 0 … 1; towards 1, gaps shrink to their middles. A line with
+    dashes of its own, or on an edge that is cut all round, stays as it is.
+    """
+    if paint.stroke is None or paint.dashes or whole >= 1 or is_cut.all() or not is_cut.any():
+        return paint
+    start = int(np.flatnonzero(is_cut & ~np.roll(is_cut, 1))[0])  # the first gap begins here
+    lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+    along = np.r_[0.0, np.cumsum(np.roll(lengths, -start))]
+    cut = np.r_[np.roll(is_cut, -start), False]
+    begins = np.flatnonzero(cut & ~np.r_[False, cut[:-1]])
+    ends = np.flatnonzero(~cut & np.r_[False, cut[:-1]])
+    shrink = whole * (along[ends] - along[begins]) / 2
+    gaps = np.stack([along[begins] + shrink, along[ends] - shrink], axis=1)
+    widths = np.roll(gaps[:, 1] - gaps[:, 0], -1)  # each after its dash
+    dashes = np.append(gaps[1:, 0], gaps[0, 0] + along[-1]) - gaps[:, 1]
+    first_dash = lengths[:start].sum() + gaps[0, 1]
+    return replace(
+        paint,
+        dashes=tuple(np.stack([dashes, widths], axis=1).ravel().tolist()),
+        dash_offset=float((-first_dash) % along[-1]),
+        round_dashes=True,
+    )
 
 
 def _move_with_contour(paint: Paint, contour: Points, stack: Points) -> list[Paint]:
@@ -277,22 +333,6 @@ def _move_with_contour(paint: Paint, contour: Points, stack: Points) -> list[Pai
     ]
 
 
-def _morph_contour(
-    name: str, a: Curve, b: Curve, side: float, morph_pair: Callable[[Curve, Curve], Points]
-) -> Points:
-    """Return the frames (frames, points, 2) that `morph_pair` makes of contours a and b.
-
-    name: of both, for error messages; side: longer side of the picture. FinloopError if
-    `morph_pair` raises it, or a frame reaches farther than REACH sides.
-    """
-    try:
-        stack = morph_pair(a, b)
-    except FinloopError as error:
-        raise FinloopError(f"contour {name!r}: {error.came}", error.wanted, error.do) from error
-    _require_near(name, stack, side)
-    return stack
-
-
 def linear_morph(
     a: Curve, b: Curve, frames: int, points: int, resolution: Resolution = FULL
 ) -> Points:
@@ -302,7 +342,11 @@ def linear_morph(
     The inverse transform is linear, so the curves that they make are blended in their place: the
     same frames, without a transform for each. FinloopError as `match_curves`.
     """
-    first, second = match_curves(a, b, points, resolution)
+    return blend_points(*match_curves(a, b, points, resolution), frames)
+
+
+def blend_points(first: Points, second: Points, frames: int) -> Points:
+    """Return frames (frames, n, 2) in which points (n, 2) move straight to others (Eq. 4.1)."""
     tau = np.linspace(0, 1, frames)[:, None, None]
     return (1 - tau) * first + tau * second
 
@@ -317,20 +361,36 @@ def physical_morph(
 ) -> Points:
     """Return the motion (frames, points, 2) of curve b, bent into the shape of a and released.
 
-    The last frame is b. The motion is ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1; ρ, c and e₀ are
-    those of `physics`. With a level, only its control points are solved. Mode m of a closed curve
-    swings m √(e₀/ρ) times, of an open curve half as often. With little damping the curve
-    overshoots, with much it creeps, without mass it does not swing.
+    As `release_curve`. FinloopError also as `match_curves`.
+    """
+    shape, rest = match_curves(a, b, points)
+    return release_curve(shape, rest, a.closed, frames, physics, resolution)
+
+
+def release_curve(
+    shape: Points,
+    rest: Points,
+    closed: bool,
+    frames: int,
+    physics: PhysicalOptions = PhysicalOptions(),  # noqa: B008  (immutable)
+    resolution: Resolution = FULL,
+) -> Points:
+    """Return the motion (frames, n, 2) of a curve that is bent into a shape and released.
+
+    shape, rest (n, 2): the curve bent, and at rest, which the last frame is; closed: whether it is.
+    The motion is ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1; ρ, c and e₀ are those of `physics`.
+    With a level, only its control points are solved. Mode m of a closed curve swings m √(e₀/ρ)
+    times, of an open curve half as often. With little damping the curve overshoots, with much it
+    creeps, without mass it does not swing.
 
     No stiffness holds the mean of the points, so it is moved as the slowest mode moves.
-    FinloopError if one curve is open and the other closed, `points` is no power of two, the
-    resolution does not exist for them, or mass and damping are both 0.
+    FinloopError if n is no power of two, the resolution does not exist for n points, or mass and
+    damping are both 0.
     """
     elastic, damping, mass = physics
-    shape, rest = match_curves(a, b, points)
     offset = shape - rest
     mean_offset = offset.mean(axis=0)
-    bend = offset - mean_offset if a.closed else close_by_mirroring(offset - mean_offset)
+    bend = offset - mean_offset if closed else close_by_mirroring(offset - mean_offset)
     # One swing along the closed curve: the shape of the slowest mode.
     slowest = np.cos(2 * np.pi * (np.arange(len(bend)) + 0.5) / len(bend))
     mass_damping = damping / mass if mass > 0 else damping
@@ -341,10 +401,10 @@ def physical_morph(
     problem = Problem(at_rest, start, material, times, wavelet=resolution.wavelet)
     motion = solve_motion(problem, level=resolution.level).displacement
     mean_factor = motion[:, 0, 2] / motion[0, 0, 2]  # how much is left of the slowest mode
-    displacement = motion[:, :points, :2] + mean_factor[:, None, None] * mean_offset
+    displacement = motion[:, : len(rest), :2] + mean_factor[:, None, None] * mean_offset
     # From 1 to 0 in the last part of the time, with slope 0 at both ends (smoothstep).
     fade = np.clip((1 - times) / FADE, 0, 1)
-    rest = resolution.reduce_curves(rest, a.closed)
+    rest = resolution.reduce_curves(rest, closed)
     return rest + (fade**2 * (3 - 2 * fade))[:, None, None] * displacement
 
 
@@ -371,7 +431,15 @@ def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
         for name, curve in drawing.curves.items()
     }
     styles = {name: scale_paint(paint, scale, shift) for name, paint in drawing.styles.items()}
-    return Drawing(curves, width, height, styles, drawing.groups)
+    return replace(
+        drawing,
+        curves=curves,
+        width=width,
+        height=height,
+        styles=styles,
+        pins={name: pins * scale + shift for name, pins in drawing.pins.items()},
+        cuts={name: cuts * scale + shift for name, cuts in drawing.cuts.items()},
+    )
 
 
 def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:
@@ -387,14 +455,29 @@ def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:
             raise FinloopError(came, f"{least} … {most}", f"set {usual}")
 
 
+def _check_shapes(first: Collection[str], second: Collection[str]) -> None:
+    """Raise FinloopError if two drawings have not the same shapes."""
+    if problems := _describe_singles(first, second):
+        raise FinloopError(
+            f"the drawings do not match: {'; '.join(problems)}",
+            "shapes of the same ids in both",
+            "give both shapes of a pair the same id, or pair the drawings first (match_drawings)",
+        )
+
+
+def _describe_singles(first: Collection[str], second: Collection[str]) -> list[str]:
+    """Return in words which ids only one of two drawings has."""
+    problems = []
+    for which, names, others in (("first", first, second), ("second", second, first)):
+        if single := [name for name in names if name not in others]:
+            few = ", ".join(map(repr, single[:5])) + (" …" if len(single) > 5 else "")
+            problems.append(f"{few} only in the {which}")
+    return problems
+
+
 def check_pairs(a: Drawing, b: Drawing) -> None:
     """Raise FinloopError, with all problems, if the contours of two drawings form no pairs."""
-    problems = []
-    for which, drawing, other in (("first", a, b), ("second", b, a)):
-        single = [name for name in drawing.curves if name not in other.curves]
-        if single:
-            names = ", ".join(map(repr, single[:5])) + (" …" if len(single) > 5 else "")
-            problems.append(f"{names} only in the {which}")
+    problems = _describe_singles(a.curves, b.curves)
     kind = {True: "closed", False: "open"}
     for name, curve in a.curves.items():
         if name in b.curves and b.curves[name].closed != curve.closed:

@@ -5,23 +5,28 @@ equal ids belong together; the others of one kind, closed or open, are paired so
 and shape differ least. What is left vanishes to a point, or grows from one.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 import yaml
+from numpy.typing import NDArray
 
-from finloop.base.arrays import Points
-from finloop.base.drawing import Drawing
+from finloop.base.arrays import Floats, Points
+from finloop.base.drawing import LARGEST, Drawing
 from finloop.base.errors import FinloopError
-from finloop.base.paint import PART, layers_by_shape, shape_of
-from finloop.base.style import scale_paint
-from finloop.curve.contour import Curve, resample_curve
+from finloop.base.paint import PART, layers_by_shape
+from finloop.base.style import Paint, scale_paint
+from finloop.curve.contour import Curve, orient_clockwise, resample_curve
 from finloop.morph.layers import fit_drawing
-from finloop.morph.match import match_curves
+from finloop.morph.regions import Region, group_regions, split_regions
+from finloop.morph.split import Piece, split_line, split_region
+
+Complexes = NDArray[np.complex128]
 
 POINT = 1e-3
 """Size of a shape that vanishes, as a share of what it was: less than a pixel."""
@@ -30,28 +35,47 @@ PLACE_WEIGHT, SIZE_WEIGHT = 4.0, 0.5
 """Cost of a place that is off by the picture's side, and of a double size. A shape that is off by
 its own radius (RMS) costs 1. By place weights of 2 and 4 all 42 shapes of the shipped face, dog and
 fish find their partners without ids; by 1 and 8, 40. Size tells an eye from its pupil."""
-FORM = "pairs: {eye: left_eye}, vanish: [hat], appear: [beard]"
+OPAQUE_OVERLAP = 2e-3  # sides of the picture, about a pixel: how far filled pieces cover a seam
+FITS_BETTER, APART = 0.1, 0.1
+"""A shape that is left counts as a part of another one if with it the boxes' common share of area
+rises by that, and if its box has less than that of its area in common with the first part's."""
+FORM = (
+    "pairs: {eye: left_eye, body: [head, tail]}, vanish: [hat], appear: [beard],"
+    " pins: {eye: [[[1, 2], [3, 4]]]}"
+)
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """Shapes of two drawings by id: pairs first → second; which vanish, and which appear.
+    """Shapes of two drawings by id: which become which, which vanish, and which appear.
 
-    proposed: those of the first drawing that place and shape alone have paired.
+    pairs: first → second; several of the first may become one. splits: first → several of the
+    second. pins: corresponding points (k, 2, 2) of a pair, by the id of the first: k times a point
+    of the first and one of the second drawing, each in px of its picture. proposed: shapes of the
+    first drawing that place, shape or the beginning of an id have paired.
     """
 
     pairs: Mapping[str, str]
     vanish: Sequence[str] = ()
     appear: Sequence[str] = ()
     proposed: Sequence[str] = field(default=())
+    splits: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    pins: Mapping[str, Points] = field(default_factory=dict)
 
     @property
     def summary(self) -> str:
         """Return in words what was not paired by id; "" if all was."""
-        parts = []
-        if self.proposed:
-            pairs = ", ".join(f"{name} → {self.pairs[name]}" for name in self.proposed)
-            parts.append(f"paired by place and shape: {pairs}")
+        merged = dict[str, list[str]]()
+        for name in self.proposed:
+            if name in self.pairs:
+                merged.setdefault(self.pairs[name], []).append(name)
+        pairs = [f"{' + '.join(names)} → {other}" for other, names in merged.items()]
+        pairs += [
+            f"{name} → {' + '.join(self.splits[name])}"
+            for name in self.proposed
+            if name in self.splits
+        ]
+        parts = [f"paired by place and shape: {', '.join(pairs)}"] if pairs else []
         parts += [
             f"{verb}: {', '.join(names)}"
             for verb, names in (("vanish", self.vanish), ("appear", self.appear))
@@ -69,17 +93,39 @@ def load_pairing(path: Path) -> Pairing:
     problems = []
     if not isinstance(values, dict):
         values, problems = {}, ["it has no keys"]
-    elif unknown := set(values) - {"pairs", "vanish", "appear"}:
+    elif unknown := set(values) - {"pairs", "vanish", "appear", "pins"}:
         problems.append(f"it has {', '.join(sorted(map(str, unknown)))}")
     pairs = values.get("pairs") or {}
     lists = {key: values.get(key) or [] for key in ("vanish", "appear")}
-    if not isinstance(pairs, dict) or not all(isinstance(name, str) for name in pairs.values()):
-        problems.append("its pairs are no `id: id`")
+    if not isinstance(pairs, dict) or not all(map(_is_partner, pairs.values())):
+        problems.append("its pairs are no `id: id` or `id: [id, id]`")
+        pairs = {}
     problems += [f"its {key} is no list" for key, names in lists.items() if type(names) is not list]
+    pins = dict[str, Points]()
+    try:
+        for name, places in dict(values.get("pins") or {}).items():
+            pins[str(name)] = np.asarray(places, np.float64).reshape(len(places), 2, 2)
+            if not (np.abs(pins[str(name)]) <= LARGEST).all():
+                raise ValueError
+    except (TypeError, ValueError):
+        problems.append("its pins are no `id: [[[x, y], [x, y]], …]`")
     if problems:
         raise FinloopError(f"{path} has no pairs: {'; '.join(problems)}", FORM, "correct it")
-    pairs = {str(name): other for name, other in pairs.items()}
-    return Pairing(pairs, *([str(name) for name in names] for names in lists.values()))
+    vanish, appear = ([str(name) for name in names] for names in lists.values())
+    return Pairing(
+        {str(name): other for name, other in pairs.items() if isinstance(other, str)},
+        vanish,
+        appear,
+        splits={str(name): other for name, other in pairs.items() if isinstance(other, list)},
+        pins=pins,
+    )
+
+
+def _is_partner(value: object) -> bool:
+    """Return whether a value of `pairs` is an id, or a list of two ids or more."""
+    if isinstance(value, list):
+        return len(value) > 1 and all(isinstance(name, str) for name in value)
+    return isinstance(value, str)
 
 
 def pair_shapes(a: Drawing, b: Drawing, given: Pairing | None = None) -> Pairing:
@@ -89,31 +135,130 @@ def pair_shapes(a: Drawing, b: Drawing, given: Pairing | None = None) -> Pairing
     """
     given = given or Pairing({})
     first, second = shape_contours(a), shape_contours(b)
-    _require_shapes(first, [*given.pairs, *given.vanish], "first")
-    _require_shapes(second, [*given.pairs.values(), *given.appear], "second")
-    pairs = dict(given.pairs)
-    left = [name for name in first if name not in pairs and name not in given.vanish]
-    right = [name for name in second if name not in {*pairs.values(), *given.appear}]
-    same = [name for name in left if name in right]
-    pairs |= {name: name for name in same}
-    left = [name for name in left if name not in same]
-    right = [name for name in right if name not in same]
-    side = max(a.width, a.height)
-    costs = np.array([
-        [_pair_cost(first[name], second[other], side) for other in right] for name in left
-    ]).reshape(len(left), len(right))  # fmt: skip
+    split_names = [name for names in given.splits.values() for name in names]
+    _require_shapes(first, [*given.pairs, *given.splits, *given.vanish], "first")
+    _require_shapes(second, [*set(given.pairs.values()), *split_names, *given.appear], "second")
+    pairs, splits = dict(given.pairs), dict(given.splits)
+    used = {*pairs, *splits, *given.vanish}
+    used_second = {*pairs.values(), *split_names, *given.appear}
+    left = [name for name in first if name not in used]
+    right = [name for name in second if name not in used_second]
+    pairs |= {name: name for name in left if name in right}
+    proposed = list[str]()
+
+    def still_left() -> tuple[list[str], list[str]]:
+        """Return the shapes of either drawing without a partner."""
+        taken = {*pairs.values(), *(name for names in splits.values() for name in names)}
+        return (
+            [name for name in left if name not in pairs and name not in splits],
+            [name for name in right if name not in taken],
+        )
+
+    lone, lone_second = still_left()
+    for name in lone:  # eye → eye_left + eye_right
+        if parts := _parts_by_id(name, lone_second):
+            splits[name] = parts
+            proposed.append(name)
+    lone, lone_second = still_left()
+    for other in lone_second:
+        if parts := _parts_by_id(other, lone):
+            pairs |= dict.fromkeys(parts, other)
+            proposed += parts
+    lone, lone_second = still_left()
+    costs = _pair_costs(
+        [first[name] for name in lone],
+        [second[name] for name in lone_second],
+        max(a.width, a.height),
+    )
     finite = np.where(np.isfinite(costs), costs, 1e9)
-    proposed = []
     for row, column in zip(*scipy.optimize.linear_sum_assignment(finite), strict=True):
         if np.isfinite(costs[row, column]):
-            pairs[left[row]] = right[column]
-            proposed.append(left[row])
+            pairs[lone[row]] = lone_second[column]
+            proposed.append(lone[row])
+    by_place = {name: pairs[name] for name in lone if name in pairs}
+    lone, lone_second = still_left()
+    for name, parts in _parts_by_place((a, first), (b, second), by_place, lone_second).items():
+        splits[name] = [pairs.pop(name), *parts]
+    backwards = {other: name for name, other in by_place.items() if name in pairs}
+    for other, parts in _parts_by_place((b, second), (a, first), backwards, lone).items():
+        pairs |= dict.fromkeys(parts, other)
+        proposed += parts
+    lone, lone_second = still_left()
     return Pairing(
-        pairs,
-        [*given.vanish, *(name for name in left if name not in pairs)],
-        [*given.appear, *(name for name in right if name not in pairs.values())],
-        proposed,
+        pairs, [*given.vanish, *lone], [*given.appear, *lone_second], proposed, splits, given.pins
     )
+
+
+def _parts_by_id(name: str, others: Sequence[str]) -> list[str]:
+    """Return the ids that say they are parts of a shape, two or more: eye_left, eye-2, eyeRight."""
+    part = re.compile(re.escape(name) + r"[^a-z].*", re.DOTALL)
+    parts = [other for other in others if part.fullmatch(other)]
+    return parts if len(parts) > 1 else []
+
+
+def _parts_by_place(
+    whole: tuple[Drawing, Mapping[str, list[Curve]]],
+    parts: tuple[Drawing, Mapping[str, list[Curve]]],
+    pairs: Mapping[str, str],
+    left: Sequence[str],
+) -> dict[str, list[str]]:
+    """Return which shapes that are left are parts of a shape whose partner is only another part.
+
+    whole, parts: drawings and their shapes; pairs: from whole to parts; left: ids of parts. They
+    have the fill of the partner, lie beside it, and together they fill the place of the whole.
+    """
+    found = dict[str, list[str]]()
+    boxes = {name: _box(parts[1][name]) for name in (*pairs.values(), *left)}
+    fills = {name: paint.fill for name, paint in parts[0].styles.items()}
+    for extra in left:
+        best, gain = "", FITS_BETTER
+        for name, partner in pairs.items():
+            if fills.get(extra) != fills.get(partner) or not all(
+                curve.closed for curve in (*whole[1][name], *parts[1][extra])
+            ):
+                continue
+            so_far = _join_boxes([boxes[part] for part in (partner, *found.get(name, []))])
+            smaller = min(_box_area(so_far), _box_area(boxes[extra]))
+            if _box_area(_common_box(so_far, boxes[extra])) > APART * smaller:
+                continue
+            box = _box(whole[1][name])
+            rise = _common_share(box, _join_boxes([so_far, boxes[extra]])) - _common_share(
+                box, so_far
+            )
+            if rise > gain:
+                best, gain = name, rise
+        if best:
+            found.setdefault(best, []).append(extra)
+    return found
+
+
+def _box(contours: Sequence[Curve]) -> Points:
+    """Return the lowest and highest coordinates (2, 2) of contours."""
+    points = np.concatenate([curve.points for curve in contours])
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _join_boxes(boxes: Sequence[Points]) -> Points:
+    """Return the box (2, 2) around boxes."""
+    return np.stack(
+        [np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)]
+    )
+
+
+def _common_box(first: Points, second: Points) -> Points:
+    """Return the box (2, 2) that two boxes have in common; its sides are negative if none."""
+    return np.stack([np.maximum(first[0], second[0]), np.minimum(first[1], second[1])])
+
+
+def _box_area(box: Points) -> float:
+    """Return the area of a box (2, 2)."""
+    return float(np.maximum(box[1] - box[0], 0).prod())
+
+
+def _common_share(first: Points, second: Points) -> float:
+    """Return the area that two boxes have in common, as a share of that which either has."""
+    common = _box_area(_common_box(first, second))
+    return common / max(_box_area(first) + _box_area(second) - common, 1e-300)
 
 
 def shape_contours(drawing: Drawing) -> dict[str, list[Curve]]:
@@ -136,23 +281,47 @@ def _require_shapes(shapes: Iterable[str], names: Sequence[str], which: str) -> 
         )
 
 
-def _pair_cost(first: Sequence[Curve], second: Sequence[Curve], side: float) -> float:
-    """Return how badly two shapes fit each other: place, size, and form of the largest contour.
+def _pair_costs(
+    first: Sequence[Sequence[Curve]], second: Sequence[Sequence[Curve]], side: float
+) -> Floats:
+    """Return how badly shapes fit each other (n, m): place, size, and form of the largest contour.
 
     side: of the picture. Infinite if one shape is open and the other closed.
     """
-    if {curve.closed for curve in first} != {curve.closed for curve in second}:
-        return np.inf
-    largest = max(first, key=_extent), max(second, key=_extent)
-    points_a, points_b = match_curves(largest[0], largest[1], POINTS)
-    far = float(np.hypot(*(points_a.mean(axis=0) - points_b.mean(axis=0))))
-    sizes = [float(np.hypot(*points.std(axis=0))) for points in (points_a, points_b)]
-    form = [
-        (points - points.mean(axis=0)) / size
-        for points, size in zip((points_a, points_b), sizes, strict=True)
-    ]
-    misfit = float(np.sqrt(((form[0] - form[1]) ** 2).sum(axis=1).mean()))
-    return PLACE_WEIGHT * far / side + SIZE_WEIGHT * abs(np.log2(sizes[0] / sizes[1])) + misfit
+    (places, sizes, forms, kinds), other = (_measure_shapes(shapes) for shapes in (first, second))
+    costs = np.empty((len(first), len(second)))
+    spectra = np.fft.fft(other[2], axis=-1)
+    for row, (place, size, form, kind) in enumerate(zip(places, sizes, forms, kinds, strict=True)):
+        if kind == "closed":  # from the best of all start points
+            fit = np.fft.ifft(spectra * np.fft.fft(form).conj(), axis=-1).real.max(axis=-1)
+        else:  # from the better end
+            fit = np.maximum(
+                *((other[2] * way.conj()).real.sum(axis=-1) for way in (form, form[::-1]))
+            )
+        misfit = np.sqrt(np.maximum(2 - 2 * fit / POINTS, 0))
+        costs[row] = PLACE_WEIGHT * abs(other[0] - place) / side + misfit
+        costs[row] += SIZE_WEIGHT * abs(np.log2(other[1] / size))
+        costs[row, [kind != one for one in other[3]]] = np.inf
+    return costs
+
+
+def _measure_shapes(
+    shapes: Sequence[Sequence[Curve]],
+) -> tuple[Complexes, Floats, Complexes, list[str]]:
+    """Return mean (n,), size (n,) and form (n, POINTS) of each shape's largest contour, and kinds.
+
+    Means and forms are complex, x + i y. A form has mean 0 and size 1 (RMS radius), and a closed
+    one runs clockwise. A kind says whether contours are open or closed.
+    """
+    curves = [orient_clockwise(max(contours, key=_extent)) for contours in shapes]
+    points = np.array([resample_curve(curve, POINTS).points for curve in curves])
+    z = points.reshape(len(curves), POINTS, 2) @ np.array([1, 1j])
+    means = z.mean(axis=1)
+    centred = z - means[:, None]
+    sizes = np.maximum(np.sqrt((abs(centred) ** 2).mean(axis=1)), 1e-300)
+    kinds = [" ".join(sorted({"closed" if curve.closed else "open" for curve in contours}))
+             for contours in shapes]  # fmt: skip
+    return means, sizes, centred / sizes[:, None], kinds
 
 
 def _extent(curve: Curve) -> float:
@@ -167,66 +336,203 @@ def match_drawings(
 
     b: is fitted into the picture of a; path: of a file of pairs, None = there is none.
     """
+    given = None if path is None else load_pairing(path)
+    pins = given.pins if given else {}
+    a, b = (
+        replace(drawing, pins={name: places[:, side] for name, places in pins.items()})
+        for side, drawing in enumerate((a, b))
+    )
     b = fit_drawing(b, a.width, a.height)
-    pairing = pair_shapes(a, b, None if path is None else load_pairing(path))
+    pairing = pair_shapes(a, b, given)
     return *pair_drawings(a, b, pairing), pairing.summary
+
+
+class _Row(NamedTuple):
+    """A shape of both drawings: its id, and on either side its source, contours and cuts."""
+
+    name: str
+    sources: tuple[str | None, str | None]  # ids in the drawings; None = it is not there
+    contours: tuple[Sequence[Curve], Sequence[Curve]]
+    cuts: tuple[Points | None, Points | None] = (None, None)
 
 
 def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Drawing]:
     """Return two drawings whose shapes have the ids of the first, as `morph_drawings` takes them.
 
     A shape that vanishes is in the second as small as a point, one that appears in the first. It
-    lies above the shape that is below it in the second drawing.
+    lies above the shape that is below it in the second drawing. A shape that becomes several is cut
+    into as many, which have their ids; so is one with more separate parts in the other drawing. The
+    pins of both drawings, by the ids of the first, stay at their shapes. FinloopError if a shape
+    cannot be cut, or one with pins is cut or has no partner.
     """
     first, second = shape_contours(a), shape_contours(b)
-    order, names = list(first), {other: name for name, other in pairing.pairs.items()}
-    below = ""  # name of the shape below in the second drawing
+    merged = dict[str, list[str]]()
+    for name, other in pairing.pairs.items():
+        merged.setdefault(other, []).append(name)
+    rows = list[_Row]()
+    for name, contours in first.items():
+        others = (
+            pairing.splits.get(name) or [pairing.pairs[name]] if name not in pairing.vanish else []
+        )
+        if not others:
+            rows.append(_Row(name, (name, None), (contours, ())))
+        elif (
+            others[0] not in merged or merged[others[0]][0] == name
+        ):  # all of one shape at its first
+            names = merged.get(others[0], [name])
+            for row in _join_shapes((a, names), (b, others)):
+                used = {*(other.name for other in rows), *(first.keys() - set(names))}
+                rows.append(row._replace(name=_unused_name(row.name, used)))
+    order = list(first), list(second)
+    rows.sort(key=lambda row: [side.index(name) if name else 0
+                               for side, name in zip(order, row.sources, strict=True)])  # fmt: skip
+    below: str | None = None  # the shape below in the second drawing
     for other in second:
         if other in pairing.appear:
-            names[other] = _unused_name(other, order)
-            order.insert(order.index(below) + 1 if below else 0, names[other])
-        below = names[other]
-    renamed = _rename_shapes(b, names)
-    shapes = first, shape_contours(renamed)
-    curves: tuple[dict[str, Curve], dict[str, Curve]] = {}, {}
-    styles = dict(a.styles), dict(renamed.styles)
-    for name in order:
-        for side, partner in ((0, 1), (1, 0)):
-            contours = shapes[side].get(name)
-            if contours is None:
-                middle = _find_middle(shapes[partner][name])
-                contours = [_shrink(curve, middle) for curve in shapes[partner][name]]
-                styles[side].update({
-                    layer: scale_paint(paint, POINT, middle * (1 - POINT))
-                    for layer, paint in styles[partner].items()
-                    if shape_of(layer) == name
-                })  # fmt: skip
-            curves[side].update({
-                f"{name}{PART}{number}" if number > 1 else name: curve
-                for number, curve in enumerate(contours, start=1)
-            })  # fmt: skip
-    return (
-        replace(a, curves=curves[0], styles=styles[0]),
-        replace(renamed, curves=curves[1], styles=styles[1]),
-    )
+            at = max(
+                (k + 1 for k, row in enumerate(rows) if row.sources[1] == below and below),
+                default=0,
+            )
+            name = _unused_name(other, [row.name for row in rows])
+            rows.insert(at, _Row(name, (None, other), ((), second[other])))
+        below = other
+    _require_pins(a.pins, rows)
+    return _take_side(a, b, rows, 0), _take_side(b, a, rows, 1)
 
 
-def _rename_shapes(drawing: Drawing, names: Mapping[str, str]) -> Drawing:
-    """Return a drawing whose shapes have other ids, of those that names gives; the others go."""
-    layers = {
-        layer: names[shape_of(layer)] + layer.removeprefix(shape_of(layer))
-        for layer in drawing.curves
-        if shape_of(layer) in names
+def _require_pins(pins: Iterable[str], rows: Sequence[_Row]) -> None:
+    """Raise FinloopError unless each shape with pins is one row with a partner."""
+    whole = {
+        row.name
+        for row in rows
+        if row.sources[0] == row.name
+        and row.sources[1]
+        and not any(c is not None for c in row.cuts)
     }
-    return replace(
-        drawing,
-        curves={new: drawing.curves[old] for old, new in layers.items()},
-        styles={new: drawing.styles[old] for old, new in layers.items() if old in drawing.styles},
-        groups={new: drawing.groups[old] for old, new in layers.items() if old in drawing.groups},
-    )
+    if lost := [name for name in pins if name not in whole]:
+        raise FinloopError(
+            f"pins of {', '.join(map(repr, lost))}: not in the first drawing, cut, or vanishing",
+            "pins of shapes that become one shape",
+            "correct the pins in the file of pairs",
+        )
 
 
-def _unused_name(name: str, used: Sequence[str]) -> str:
+def _join_shapes(
+    first: tuple[Drawing, Sequence[str]], second: tuple[Drawing, Sequence[str]]
+) -> list[_Row]:
+    """Return the rows of shapes that become others: one pair, or one and several.
+
+    first, second: drawings, and the ids of their shapes. FinloopError if a shape cannot be cut.
+    """
+    sides = [
+        [(name, contours) for name in names for contours in [shape_contours(drawing)[name]]]
+        for drawing, names in (first, second)
+    ]
+    names = ", ".join(first[1])
+    contours = [[curve for _, curves in side for curve in curves] for side in sides]
+    is_pair = len(sides[0]) == len(sides[1]) == 1
+    whole = _Row(first[1][0], (first[1][0], second[1][0]), (contours[0], contours[1]))
+    if not all(curve.closed for side in contours for curve in side):
+        if is_pair:
+            return [whole]
+        return _join_lines(names, *sides)
+    if is_pair and len(contours[0]) == len(contours[1]) == 1:
+        return [whole]
+    try:
+        regions = [
+            [(name, region) for name, curves in side for region in split_regions(curves)]
+            for side in sides
+        ]
+        if is_pair and len(regions[0]) == len(regions[1]):
+            return [whole]
+        return _join_regions(first[0], second[0], *regions)
+    except FinloopError as error:
+        if is_pair and len(contours[0]) == len(contours[1]):
+            return [whole]  # contours that meet; a method may take them as they are
+        raise FinloopError(f"shape {names!r}: {error.came}", error.wanted, error.do) from error
+
+
+def _join_regions(
+    a: Drawing, b: Drawing,
+    first: Sequence[tuple[str, Region]], second: Sequence[tuple[str, Region]],
+) -> list[_Row]:  # fmt: skip
+    """Return the rows of regions that become others, with the ids of their shapes."""
+    sources = {id(region.outer): name for name, region in (*first, *second)}
+    several = len({name for name, _ in second}) > 1
+    rows = list[_Row]()
+    for ones, others in group_regions([r for _, r in first], [r for _, r in second]):
+        pieces = [[Piece(region, None) for region in side] for side in (ones, others)]
+        if len(ones) != len(others):
+            cut = int(len(others) < len(ones))  # the side that is one
+            drawing, (whole,) = ((a, ones), (b, others))[cut]
+            paint = drawing.styles.get(sources[id(whole.outer)])
+            is_opaque = paint is not None and paint.fill is not None and paint.fill_opacity == 1
+            overlap = OPAQUE_OVERLAP * max(a.width, a.height) * is_opaque
+            pieces[cut] = split_region(whole, (others, ones)[cut], overlap)
+        ones, others = (side * (len(pieces[0]) // len(side)) for side in (ones, others))
+        for one, other, piece, other_piece in zip(ones, others, *pieces, strict=True):
+            both = sources[id(one.outer)], sources[id(other.outer)]
+            contours = [[p.region.outer, *p.region.holes] for p in (piece, other_piece)]
+            rows.append(
+                _Row(
+                    both[several], both, (contours[0], contours[1]), (piece.cuts, other_piece.cuts)
+                )
+            )
+    return rows
+
+
+def _join_lines(
+    names: str,
+    first: Sequence[tuple[str, list[Curve]]],
+    second: Sequence[tuple[str, list[Curve]]],
+) -> list[_Row]:
+    """Return the rows of an open curve that becomes several, or of several that become one."""
+    if any(len(curves) > 1 or curves[0].closed for _, curves in (*first, *second)):
+        raise FinloopError(
+            f"shape {names!r}: one shape that becomes several, some of them open",
+            "closed shapes, or single open contours",
+            "close them (Z), or give each contour a path and an id of its own",
+        )
+    lines = [[curves[0] for _, curves in side] for side in (first, second)]
+    if len(first) == 1:
+        lines[0] = split_line(lines[0][0], lines[1])
+    else:
+        lines[1] = split_line(lines[1][0], lines[0])
+    sources = [(one, other) for one, _ in first for other, _ in second]
+    return [
+        _Row(pair[len(second) > 1], pair, ([one], [other]))
+        for pair, one, other in zip(sources, *lines, strict=True)
+    ]
+
+
+def _take_side(drawing: Drawing, other: Drawing, rows: Sequence[_Row], side: int) -> Drawing:
+    """Return a drawing with the shapes of rows, those of the other drawing as small as points.
+
+    side: 0 for the first drawing, 1 for the second.
+    """
+    curves, cuts = dict[str, Curve](), dict[str, Points]()
+    styles, groups = dict[str, Paint](), dict[str, tuple[str, ...]]()
+    for row in rows:
+        source, partner = row.sources[side], str(row.sources[1 - side])
+        contours, paint = row.contours[side], drawing.styles.get(str(source))
+        if source is None:
+            contours = row.contours[1 - side]
+            middle = _find_middle(contours)
+            contours = [_shrink(curve, middle) for curve in contours]
+            paint = other.styles.get(partner)
+            paint = paint and scale_paint(paint, POINT, middle * (1 - POINT))
+        names = [f"{row.name}{PART}{k}" if k > 1 else row.name for k in range(1, len(contours) + 1)]
+        curves |= dict(zip(names, contours, strict=True))
+        if paint:
+            styles |= dict.fromkeys(names, paint)
+        if source in drawing.groups:
+            groups |= dict.fromkeys(names, drawing.groups[source])
+        if (row_cuts := row.cuts[side]) is not None and len(row_cuts):
+            cuts[row.name] = row_cuts
+    return replace(drawing, curves=curves, styles=styles, groups=groups, cuts=cuts)
+
+
+def _unused_name(name: str, used: Collection[str]) -> str:
     """Return a name that is not used yet: itself, or with a number."""
     number, unique = 1, name
     while unique in used:

@@ -4,7 +4,7 @@ A region is one closed contour and the holes in it, as of the letters d and B. I
 after the other in one array of vertices, the outer one first (`ContourLayout`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from finloop.base.arrays import Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, nearest_on_curve, resample_curve, signed_area
 from finloop.morph.folds import ContourLayout, count_contour_folds
-from finloop.morph.match import FULL, Resolution, match_curves
+from finloop.morph.match import FULL, Pins, Resolution, match_curves
 
 SMALL = 1e-3
 """Area, as a share of that within the outer contour, to which holes shrink: they have room there
@@ -27,6 +27,13 @@ ROUNDS = 8  # of moving holes that are too near to another contour
 LINES, SHARES = 64, (0.1, 0.3, 0.5, 0.7, 0.9)
 """Lines across a region, and places on each of their stretches inside: one becomes a new hole."""
 FEW = 256  # points of a contour to which the distance of a place is measured
+
+PinsOfPair = Callable[[Curve, Curve], Pins | None]
+"""Gives the pins of two contours, None for none."""
+
+
+def no_pins(_a: Curve, _b: Curve) -> None:
+    """Return no pins, whatever the contours."""
 
 
 class Region(NamedTuple):
@@ -90,31 +97,54 @@ def pair_regions(a: Sequence[Curve], b: Sequence[Curve]) -> list[tuple[Region, R
     Pairs are by place in the shapes' boxes, so that the sum of distances is least. FinloopError if
     one shape has more separate regions than the other, or a contour is open.
     """
-    first, second = split_regions(a), split_regions(b)
-    if len(first) != len(second):
+    groups = group_regions(split_regions(a), split_regions(b))
+    first, second = (sum(len(group[side]) for group in groups) for side in (0, 1))
+    if first != second:
         raise FinloopError(
-            f"separate parts: {len(first)} in the first drawing, {len(second)} in the second",
+            f"separate parts: {first} in the first drawing, {second} in the second",
             "as many in both",
-            "give each part a path and an id of its own",
+            "pair the drawings first (match_drawings), which cuts a part into several",
         )
+    return [(one, other) for (one,), (other,) in groups]
+
+
+def group_regions(
+    first: Sequence[Region], second: Sequence[Region]
+) -> list[tuple[list[Region], list[Region]]]:
+    """Return which regions become which: one becomes one, or several, or several become one.
+
+    Pairs are by place in the boxes around all of them, so that the sum of distances is least. A
+    region that is left goes to the nearest one of the other side, which becomes several.
+    """
     boxes = [np.concatenate([region.outer.points for region in side]) for side in (first, second)]
     places = [
         np.stack([_place_in_box(region.outer.points.mean(axis=0), box) for region in side])
         for side, box in zip((first, second), boxes, strict=True)
     ]
-    return [(first[row], second[column]) for row, column in _nearest_pairs(*places)]
+    pairs = _nearest_pairs(*places)
+    groups = [([row], [column]) for row, column in pairs]
+    for side in (0, 1):
+        for left in sorted(set(range(len(places[side]))) - {pair[side] for pair in pairs}):
+            others = places[1 - side][[group[1 - side][0] for group in groups]]
+            groups[int(np.hypot(*(others - places[side][left]).T).argmin())][side].append(left)
+    return [([first[row] for row in rows], [second[column] for column in columns])
+            for rows, columns in groups]  # fmt: skip
 
 
 def match_regions(
-    a: Region, b: Region, points: int, resolution: Resolution = FULL
+    a: Region,
+    b: Region,
+    points: int,
+    resolution: Resolution = FULL,
+    pins: PinsOfPair = no_pins,
 ) -> tuple[list[Points], list[Points]]:
     """Return the contours of two regions, outer ones first, as corresponding points (points, 2).
 
     Holes are paired by their places in the outer contours' boxes, so that the sum of distances is
     least. A hole without a partner gets one as small as a point, at that place of the other region
-    or as near to it as there is room.
+    or as near to it as there is room. pins: gives the pins of two contours.
     """
-    outer_a, outer_b = match_curves(a.outer, b.outer, points, resolution)
+    outer_a, outer_b = match_curves(a.outer, b.outer, points, resolution, pins(a.outer, b.outer))
     contours_a, contours_b = [outer_a], [outer_b]
     places_a, places_b = (
         np.array([_place_in_box(hole.points.mean(axis=0), outer) for hole in holes]).reshape(-1, 2)
@@ -122,7 +152,8 @@ def match_regions(
     )
     pairs = _nearest_pairs(places_a, places_b)
     for row, column in pairs:
-        points_a, points_b = match_curves(a.holes[row], b.holes[column], points, resolution)
+        hole_a, hole_b = a.holes[row], b.holes[column]
+        points_a, points_b = match_curves(hole_a, hole_b, points, resolution, pins(hole_a, hole_b))
         contours_a.append(points_a)
         contours_b.append(points_b)
     for row in set(range(len(a.holes))) - {row for row, _ in pairs}:

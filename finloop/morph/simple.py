@@ -67,7 +67,7 @@ def morph_without_folds(
     other closed, if a curve, resampled, meets itself, or if its parts are too near each other.
     """
     layout = ContourLayout((points,), a.closed)
-    return _morph_contours(*match_curves(a, b, points, resolution), layout, frames)
+    return morph_contours(*match_curves(a, b, points, resolution), layout, frames)
 
 
 def morph_regions_without_folds(
@@ -89,15 +89,20 @@ def morph_regions_without_folds(
     for first, second in pair_regions(a, b):
         contours_a, contours_b = match_regions(first, second, points, resolution)
         layout = ContourLayout((points,) * len(contours_a))
-        stack = _morph_contours(
+        stack = morph_contours(
             np.concatenate(contours_a), np.concatenate(contours_b), layout, frames
         )
         stacks += [stack[:, part] for part in layout.parts]
     return stacks
 
 
-def _morph_contours(first: Points, second: Points, layout: ContourLayout, frames: int) -> Points:
+def morph_contours(
+    first: Points, second: Points, layout: ContourLayout, frames: int, pinned: bool = False
+) -> Points:
     """Return the frames (frames, n, 2) of a morph of contours (n, 2) into others; none meet.
+
+    pinned: whether every point keeps its number; else another point may be the first of the outer
+    contour, if the path is shorter.
 
     FinloopError if the first or the second ones meet, or their parts are too near each other.
     """
@@ -113,7 +118,7 @@ def _morph_contours(first: Points, second: Points, layout: ContourLayout, frames
     linear = (1 - tau) * first + tau * second
     if not count_contour_folds(linear, layout).any() and _has_simple_motion(linear, layout):
         return linear
-    stack = _frames_along_path(_find_simple_path(first, second, layout), frames, layout)
+    stack = _frames_along_path(_find_simple_path(first, second, layout, pinned), frames, layout)
     if count_contour_folds(stack, layout).any():
         raise FinloopError(
             "a morph with frames too narrow to be distinguished from folded frames",
@@ -129,17 +134,19 @@ def path_lengths(poses: Points) -> Points:
     return np.r_[0.0, np.cumsum(steps)]
 
 
-def _find_simple_path(first: Points, second: Points, layout: ContourLayout) -> Points:
+def _find_simple_path(first: Points, second: Points, layout: ContourLayout, pinned: bool) -> Points:
     """Return poses (k, n, 2) from contours (n, 2) to others; no motion from pose to pose folds.
 
     Both are simplified step by step, and the path is the shortest one on which a straight motion
-    joins a pose of each. If none can be joined, it leads through the last, simplest ones.
+    joins a pose of each. If none can be joined, it leads through the last, simplest ones. pinned:
+    as in `morph_contours`.
     """
     a, b = _simplify_contours(first, layout), _simplify_contours(second, layout)
     length: float = np.inf
     path: Points | None = None
     outer = layout.parts[0]
-    for start in _candidate_starts(a[:, outer], b[:, outer]) if layout.closed else [0]:
+    keeps_start = pinned or not layout.closed
+    for start in [0] if keeps_start else _candidate_starts(a[:, outer], b[:, outer]):
         rolled = b.copy()
         rolled[:, outer] = np.roll(b[:, outer], -start, axis=1)
         shorter = _find_shortest_path(a, rolled, layout, limit=length)

@@ -1,0 +1,96 @@
+"""Corresponding points of two shapes: their contours in pairs, for every method alike."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from finloop.base.arrays import Points
+from finloop.base.errors import FinloopError
+from finloop.curve.contour import Curve, nearest_on_curve
+from finloop.morph.folds import ContourLayout
+from finloop.morph.match import FULL, Pins, Resolution, match_any_curves
+from finloop.morph.regions import Region, match_regions, pair_regions
+
+
+def match_shapes(
+    a: Sequence[Curve], b: Sequence[Curve], points: int, resolution: Resolution = FULL,
+    pins: Pins | None = None, strict: bool = True,
+) -> list[tuple[Points, Points, ContourLayout]]:  # fmt: skip
+    """Return the contours of two shapes as corresponding points (n, 2), in parts that stay apart.
+
+    A part is one contour, or a region: its outer contour and its holes, side by side. strict:
+    whether contours that meet are refused; else they pair in their order, as open ones do.
+    FinloopError if the shapes have not as many separate parts or open contours, or a pin joins
+    contours that do not correspond.
+    """
+    pinned = _PinnedContours(a, b, pins)
+    matched = list[tuple[Points, Points, ContourLayout]]()
+    for first, second in _pair_parts(a, b, strict):
+        if isinstance(first, Region) and isinstance(second, Region):
+            ends = match_regions(first, second, points, resolution, pinned.take)
+            layout = ContourLayout((points,) * len(ends[0]))
+            matched.append((np.concatenate(ends[0]), np.concatenate(ends[1]), layout))
+        elif isinstance(first, Curve) and isinstance(second, Curve):
+            taken = pinned.take(first, second)
+            one, other, closed = match_any_curves(first, second, points, resolution, taken)
+            matched.append((one, other, ContourLayout((points,), closed)))
+    pinned.require_none_left()
+    return matched
+
+
+def _pair_parts(
+    a: Sequence[Curve], b: Sequence[Curve], strict: bool
+) -> list[tuple[Region, Region]] | list[tuple[Curve, Curve]]:
+    """Return the parts of two shapes in pairs: regions by place, other contours in their order."""
+    if max(len(a), len(b)) > 1 and all(curve.closed for curve in (*a, *b)):
+        try:
+            return pair_regions(a, b)
+        except FinloopError:
+            if strict or len(a) != len(b):
+                raise
+    if len(a) != len(b):
+        raise FinloopError(
+            f"contours: {len(a)} in the first drawing, {len(b)} in the second, some of them open",
+            "as many open contours in both",
+            "give each contour a path and an id of its own",
+        )
+    return list(zip(a, b, strict=True))
+
+
+class _PinnedContours:
+    """The pins of two shapes, by the contours that are nearest to them."""
+
+    def __init__(self, a: Sequence[Curve], b: Sequence[Curve], pins: Pins | None) -> None:
+        """Find the contours of all pins."""
+        self._pins = pins or Pins(np.zeros((0, 2)), np.zeros((0, 2)))
+        self._contours = [
+            [_nearest_contour(place, curves) for place in side]
+            for side, curves in zip(self._pins, (a, b), strict=True)
+        ]
+        self._left = set(range(len(self._pins.first)))
+
+    def take(self, first: Curve, second: Curve) -> Pins | None:
+        """Return the pins that join two contours."""
+        rows = [
+            row
+            for row, (one, other) in enumerate(zip(*self._contours, strict=True))
+            if one is first and other is second
+        ]
+        self._left -= set(rows)
+        return Pins(self._pins.first[rows], self._pins.second[rows]) if rows else None
+
+    def require_none_left(self) -> None:
+        """Raise FinloopError if pins join contours that do not correspond."""
+        if self._left:
+            places = [side[min(self._left)].round(2).tolist() for side in self._pins]
+            raise FinloopError(
+                f"a pin from {places[0]} to {places[1]}, on contours that do not correspond",
+                "both ends of a pin on contours of one pair",
+                "move the pin, or give each contour a path and an id of its own",
+            )
+
+
+def _nearest_contour(place: Points, curves: Sequence[Curve]) -> Curve:
+    """Return the contour that is nearest to a place (2,)."""
+    gaps = [float(np.hypot(*nearest_on_curve(place[None], curve)[1][0])) for curve in curves]
+    return curves[int(np.argmin(gaps))]

@@ -1,0 +1,252 @@
+"""Shapes of another kind or number: open and closed, one and several, parts, and pins."""
+
+import numpy as np
+import pytest
+
+from finloop.base.drawing import Drawing
+from finloop.base.errors import FinloopError
+from finloop.base.paint import group_contours, paint_layers
+from finloop.base.style import Paint
+from finloop.curve.contour import Curve, area_centroids, nearest_on_curve, signed_area
+from finloop.curve.glyph import glyph_outlines
+from finloop.morph.folds import is_simple
+from finloop.morph.layers import morph_drawings
+from finloop.morph.match import Pins, match_any_curves, match_curves
+from finloop.morph.pairs import Pairing, load_pairing, match_drawings, pair_drawings, pair_shapes
+from finloop.morph.regions import Region, split_regions
+from finloop.morph.split import split_line, split_region
+
+SQUARE = np.array([[0, 0], [10, 0], [10, 10], [0, 10]], float)
+ANGLE = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+ROUND = 5 + 5 * np.stack([np.cos(ANGLE), np.sin(ANGLE)], axis=1)
+ARC = np.stack([np.cos(ANGLE * 0.9), np.sin(ANGLE * 0.9)], axis=1) * 20 + 50
+RED = Paint((200, 30, 30), (0, 0, 0), 1.0, 1.0, 3.0)
+
+
+def drawing(styles=None, **shapes) -> Drawing:
+    """A drawing of 100 × 100: curves, or lists of them, by id."""
+    curves = {}
+    for name, contours in shapes.items():
+        contours = [contours] if isinstance(contours, Curve) else contours
+        curves |= {f"{name}#{k}" if k > 1 else name: one for k, one in enumerate(contours, 1)}
+    return Drawing(curves, 100, 100, styles or {})
+
+
+def polygon(points) -> Curve:
+    return Curve(np.asarray(points, float), True)
+
+
+def picture(morph_or_drawing, frame=None):
+    """What a drawing, or a frame of a morph, looks like."""
+    d = morph_or_drawing
+    if frame is None:
+        contours = {name: curve.points for name, curve in d.curves.items()}
+        is_closed, styles = {name: curve.closed for name, curve in d.curves.items()}, d.styles
+    else:
+        contours = {name: stack[frame] for name, stack in d.layers.items()}
+        is_closed, styles = d.closed, d.paints_at(frame)
+    shapes = group_contours(is_closed, styles, 100)
+    return paint_layers([(s, [contours[n] for n in s.layers]) for s in shapes], (200, 200), 2.0)
+
+
+# --- open and closed
+
+
+@pytest.mark.parametrize("points", [64, 65])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_line_opens_like_a_mouth_and_an_arc_closes_its_gap(points, swapped):
+    line = Curve(np.array([[30, 50], [50, 54], [70, 50.0]]), False)
+    lens = polygon(np.r_[line.points, [[50, 40.0]]])
+    arc, ring = Curve(ARC, False), polygon(ROUND * 4 + 30)
+    for one, other, wanted in ((line, lens, True), (arc, ring, False)):
+        first, second, is_closed = match_any_curves(
+            *((other, one) if swapped else (one, other)), points
+        )
+        assert is_closed is wanted and first.shape == second.shape == (points, 2)
+        for found, curve in zip(
+            (first, second), (other, one) if swapped else (one, other), strict=True
+        ):
+            assert is_simple(found, is_closed)
+            assert np.hypot(*nearest_on_curve(found, curve)[1].T).max() < 0.3  # corners are cut
+        ends = second if not swapped else first
+        if not wanted:  # it closes but for what no pixel shows
+            assert np.hypot(*(ends[0] - ends[-1])) < 0.01
+
+
+@pytest.mark.parametrize("method", ["linear", "fold_free", "physical"])
+def test_open_and_closed_by_every_method(method):
+    a = drawing(
+        mouth=Curve(np.array([[30, 50], [50, 58], [70, 50.0]]), False), arc=Curve(ARC - 20, False)
+    )
+    b = drawing(
+        mouth=polygon([[30, 50], [50, 40], [70, 50], [50, 70]]), arc=polygon(ROUND * 4 + 10)
+    )
+    done = morph_drawings(a, b, method, 9, 64)
+    assert done.closed == {"mouth": True, "arc": False}
+    assert abs(signed_area(polygon(done.layers["mouth"][0]))) < 0.5
+    assert abs(signed_area(polygon(done.layers["mouth"][-1]))) == pytest.approx(600, rel=0.01)
+    back = morph_drawings(b, a, method, 9, 64)
+    assert back.closed == done.closed
+    if method == "fold_free":
+        assert not done.count_fold_frames() and not back.count_fold_frames()
+
+
+# --- one and several
+
+
+def test_pieces_fill_the_shape_and_have_their_shares():
+    goals = [
+        Region(polygon(ROUND * size + place), []) for size, place in ((4, 0), (2, 60), (1, 20))
+    ]
+    pieces = split_region(Region(polygon(ROUND * 10), []), goals)
+    areas = [abs(signed_area(piece.region.outer)) for piece in pieces]
+    whole = abs(signed_area(polygon(ROUND * 10)))
+    assert sum(areas) == pytest.approx(whole) and areas[0] == max(areas)
+    assert areas[0] / whole == pytest.approx(16 / 21, abs=0.1)
+    assert all(is_simple(piece.region.outer.points) for piece in pieces)
+    low, high = (area_centroids(pieces[k].region.outer.points) for k in (0, 1))
+    assert (low < high).all()  # as the goals lie
+    for k, piece in enumerate(pieces):  # each cut is on two pieces
+        middles = piece.cuts.mean(axis=1)
+        others = [
+            nearest_on_curve(middles, p.region.outer)[1] for p in pieces[:k] + pieces[k + 1 :]
+        ]
+        assert np.hypot(*np.min(np.abs(others), axis=0).T).max() < 1e-6
+
+
+def test_an_eight_is_cut_between_its_holes_and_a_ring_not_at_all():
+    (eight,) = split_regions(glyph_outlines("8"))
+    goals = [Region(polygon(SQUARE + [0, 30 * k]), []) for k in (0, 1)]
+    pieces = split_region(eight, goals)
+    assert [len(piece.region.holes) for piece in pieces] == [1, 1]
+    inner = [polygon(SQUARE * 0.99 + 0.05)]
+    with pytest.raises(FinloopError, match="no straight cut divides"):
+        split_region(Region(polygon(SQUARE), inner), goals)
+
+
+def test_a_line_is_cut_by_the_lengths_of_its_parts():
+    line = Curve(np.array([[0, 0], [30, 0.0]]), False)
+    goals = [Curve(np.array([[x, 9], [x + w, 9.0]]), False) for x, w in ((20, 20), (0, 10))]
+    ends = [part.points[[0, -1], 0].tolist() for part in split_line(line, goals)]
+    assert ends == [[10, 30], [0, 10]]
+
+
+@pytest.mark.parametrize("method", ["linear", "fold_free", "physical"])
+def test_one_becomes_two_and_looks_as_drawn_at_both_ends(method):
+    one = drawing({"body": RED}, body=polygon(ROUND * 5 + 20))
+    two = drawing(dict.fromkeys(("left", "right"), RED), left=polygon(ROUND * 2 + [20, 40]),
+                  right=polygon(ROUND * 3 + [60, 30]))  # fmt: skip
+    for a, b, given in (
+        (one, two, Pairing({}, splits={"body": ["left", "right"]})),
+        (two, one, Pairing({"left": "body", "right": "body"})),
+    ):
+        done = morph_drawings(*pair_drawings(a, b, pair_shapes(a, b, given)), method, 9, 256)
+        assert list(done.layers) == ["left", "right"] and not done.count_fold_frames()
+        for frame, drawn in ((0, a), (-1, b)):
+            off = abs(picture(done, frame).astype(int) - picture(drawn)).max(axis=2)
+            assert (off > 90).mean() < 5e-4  # neither a seam nor the line of a cut
+
+
+def test_parts_of_a_path_may_differ_in_number():
+    i, x = (drawing({"letter": RED}, letter=[Curve(c.points / 14 + [20, 75], True) for c in glyph_outlines(g)])
+            for g in "iX")  # fmt: skip
+    for a, b in ((i, x), (x, i)):
+        done = morph_drawings(*pair_drawings(a, b, pair_shapes(a, b)), "fold_free", 8, 128)
+        assert list(done.layers) == ["letter", "letter-2"] and not done.count_fold_frames()
+
+
+def test_a_lost_hole_leaves_no_dot_of_its_line():
+    ring = drawing({"o": RED}, o=[polygon(ROUND * 6 + 10), polygon(ROUND * 2 + 30)])
+    disc = drawing({"o": RED}, o=polygon(ROUND * 6 + 10))
+    done = morph_drawings(ring, disc, "fold_free", 8, 128)
+    assert (abs(picture(done, -1).astype(int) - picture(disc)).max(axis=2) > 90).mean() < 5e-4
+    assert picture(done, -1)[80, 80].tolist() == [200, 30, 30]  # where the hole was
+
+
+def test_one_and_several_are_proposed_by_id_and_by_place():
+    whole = drawing(
+        dict.fromkeys(("eye", "log"), RED), eye=polygon(ROUND), log=polygon(SQUARE * [4, 1] + 50)
+    )
+    parts = drawing(
+        dict.fromkeys(("eye_1", "eye_2", "end", "top"), RED), eye_1=polygon(ROUND - 3), eye_2=polygon(ROUND + 9),
+        end=polygon(SQUARE * [1.8, 1] + 50), top=polygon(SQUARE * [1.8, 1] + [72, 50]),
+    )  # fmt: skip
+    found = pair_shapes(whole, parts)
+    assert {name: list(names) for name, names in found.splits.items()} == {
+        "eye": ["eye_1", "eye_2"], "log": ["end", "top"],
+    }  # fmt: skip
+    assert found.summary == "paired by place and shape: eye → eye_1 + eye_2, log → end + top"
+    merged = pair_shapes(parts, whole)
+    assert merged.pairs == {"eye_1": "eye", "eye_2": "eye", "end": "log", "top": "log"}
+    assert not (merged.appear or merged.vanish or found.appear or found.vanish)
+    eyebrow = drawing(eyebrow=polygon(ROUND), eyelid=polygon(ROUND + 20))
+    assert not pair_shapes(drawing(eye=polygon(ROUND)), eyebrow).splits
+
+
+def test_many_shapes_are_paired_soon_and_rightly():
+    places = np.random.default_rng(1).uniform(0, 90, (300, 2))
+    a = drawing(**{f"a{k}": polygon(ROUND / 5 + place) for k, place in enumerate(places)})
+    b = drawing(**{f"b{k}": polygon(ROUND / 5 + place) for k, place in enumerate(places[::-1])})
+    assert pair_shapes(a, b).pairs == {f"a{k}": f"b{299 - k}" for k in range(300)}
+
+
+# --- pins
+
+
+def test_pins_go_to_each_other_and_points_between_them_are_even():
+    a, b = polygon(SQUARE * 4), polygon(ROUND * 4)
+    pins = Pins(np.array([[40, 40], [0, 0.0]]), np.array([[20, 0], [20, 40.0]]))
+    first, second = match_curves(a, b, 64, pins=pins)
+    for k in range(2):
+        row = np.hypot(*(first - pins.first[k]).T).argmin()
+        np.testing.assert_allclose(first[row], pins.first[k], atol=1e-9)
+        np.testing.assert_allclose(second[row], pins.second[k], atol=0.2)
+    steps = np.hypot(*np.diff(second, axis=0).T)
+    assert steps.max() / steps.min() < 1.2
+    turned = polygon(b.points[::-1])  # the direction in which it is drawn does not matter
+    np.testing.assert_allclose(match_curves(a, turned, 64, pins=pins)[1], second, atol=1e-9)
+    line, other = (Curve(np.array([[0, y], [30, y], [60.0, y]]), False) for y in (0, 9))
+    ends = Pins(np.array([[0, 0], [20, 0.0]]), np.array([[60, 9], [30, 9.0]]))
+    one, two = match_curves(line, other, 31, pins=ends)
+    assert two[0].tolist() == [60, 9] and two[np.flatnonzero(one[:, 0] == 20)[0], 0] == 30
+    three = [[0, 0], [40, 0], [40, 40]]
+    with pytest.raises(FinloopError, match="3 pins that do not follow each other"):
+        match_curves(
+            a, b, 64, pins=Pins(np.array(three), np.array([[0, 20], [20, 40], [40, 20.0]]))
+        )
+
+
+def test_pins_of_a_file_reach_the_morph_and_wrong_ones_are_refused(tmp_path):
+    path = tmp_path / "pairs.yaml"
+    a = drawing(box=[polygon(SQUARE * 4), polygon(SQUARE + 10)], hat=polygon(SQUARE + 80))
+    b = Drawing(
+        {"tin": polygon(ROUND * 8), "tin#2": polygon(ROUND * 2 + 30), "hat": polygon(SQUARE + 170)},
+        200,
+        200,
+    )
+    path.write_text("pairs: {box: tin}\npins: {box: [[[0, 0], [80, 40]], [[10, 10], [40, 30]]]}")
+    for method in ("linear", "fold_free"):
+        done = morph_drawings(*match_drawings(a, b, path)[:2], method, 9, 64)
+        assert not (method == "fold_free" and done.count_fold_frames())
+        for layer, pin in (("box", ([0, 0], [40, 20])), ("box#2", ([10, 10], [20, 15]))):
+            np.testing.assert_allclose(done.layers[layer][[0, -1], 0], pin, atol=0.1)
+    for text, said in (
+        ("pins: {nose: [[[0, 0], [1, 1]]]}", "pins of 'nose'"),
+        ("vanish: [hat]\npins: {hat: [[[0, 0], [1, 1]]]}", "pins of 'hat'"),
+        ("pairs: {box: tin}\npins: {box: [[[0, 0], [40, 30]]]}", "contours that do not correspond"),
+    ):
+        path.write_text(text)
+        with pytest.raises(FinloopError, match=said):
+            morph_drawings(*match_drawings(a, b, path)[:2], "fold_free", 3, 64)
+    path.write_text("pairs: {a: [b, c]}")
+    assert load_pairing(path).splits == {"a": ["b", "c"]}
+
+
+def test_parts_of_another_kind_are_refused_by_name():
+    one = drawing(a=polygon(SQUARE))
+    for b in (
+        drawing(b=Curve(SQUARE, False), c=polygon(SQUARE + 20)),
+        drawing(b=Curve(SQUARE, False), c=Curve(SQUARE + 20, False)),
+    ):
+        with pytest.raises(FinloopError, match="shape 'a': one shape that becomes several, some"):
+            pair_drawings(one, b, Pairing({}, splits={"a": ["b", "c"]}))
