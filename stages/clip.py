@@ -91,7 +91,7 @@ def _write_clip(
     before = read_file_stamps(p.film) if isinstance(p, FootageSettings) else []
     clip = make_clip(p, source, folder, watch)
     facts, tally = clip.facts, clip.tally
-    for note in source.loss.notes:
+    for note in facts.notes[len(source.facts.notes) :]:  # on frames that cannot be read
         print(f"finloop: WARNING: {note}", file=sys.stderr)
     if isinstance(p, FootageSettings):
         refuse_changed_film(p.film, before)

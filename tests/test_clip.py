@@ -509,6 +509,33 @@ def test_variable_rate_becomes_constant(tmp_path, kind):
     assert footage.frames_in_source == 10
 
 
+@pytest.mark.parametrize("kind", [".mkv", ".avi", ".png", "no key frames"])
+@pytest.mark.parametrize("rate", [None, 250])
+def test_a_sample_is_of_successive_frames_spread_over_the_range(tmp_path, kind, rate):
+    levels = [np.full((HEIGHT, WIDTH), 40 + k, np.uint8) for k in range(160)]
+    if kind == ".png":
+        path, rate = write_pictures(tmp_path / "film", levels, kind), rate or 25
+    else:
+        every = 1000 if kind == "no key frames" else 10
+        path = tmp_path / f"film{kind if kind[0] == '.' else '.mkv'}"
+        colours = [np.dstack([level] * 3) for level in levels]
+        make_film(
+            path, colours, codec="libx264", options={"crf": "1", "sc_threshold": "0"}, gop=every
+        )
+    first, last = 10, 150
+    footage = open_footage(
+        path, frame_rate_hz=rate, start_s=first / (rate or 25), end_s=last / (rate or 25)
+    )
+    shown = [float(picture.mean()) for picture in read(footage)[1]]
+    stretches = [[float(p.mean()) for p in part] for part in footage.sample_stretches(40)]
+    assert {len(stretch) for stretch in stretches} == {5} and 5 <= len(stretches) <= 8
+    starts = [
+        next(k for k in range(len(shown)) if shown[k : k + 5] == stretch) for stretch in stretches
+    ]
+    assert min(np.diff(starts)) >= 5 and starts[0] < 20 and starts[-1] > 100
+    assert sum(map(len, footage.sample_stretches(140))) == 140
+
+
 def test_a_given_rate_keeps_every_frame_and_changes_its_time(tmp_path):
     path = make_film(tmp_path / "a.mkv", map(picture, range(10)), rate=30, pts=VARIABLE_MS)
     footage = open_footage(path, frame_rate_hz=100, colour=False, start_s=0.02, end_s=0.07)

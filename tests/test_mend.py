@@ -14,7 +14,7 @@ from finloop.clip.check import Quality
 from finloop.clip.rewrite import ClipResult, choose_repairs, is_better, make_clip
 from finloop.clip.shake import Shift, undo_shift
 from finloop.clip.verdict import list_findings
-from finloop.clip.write import open_clip_source
+from finloop.clip.write import open_clip_source, write_clip
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FRAMES, FRAMES_NAME, load_mask, read_frames
@@ -207,3 +207,59 @@ def test_a_repair_that_is_no_better_is_left_out_and_reported(tmp_path, monkeypat
     found = list_findings(result.quality, result.filmed, result.mended, result.refused)
     words = {one.word: one for one in found}
     assert "was left out" in words["flicker"].text and "was left out" not in words["drift"].text
+
+
+# --- on a sample of the film
+
+
+def tank_frames(count: int) -> list[np.ndarray]:
+    """A dark fish that swims through a tank with stains."""
+    grain = np.random.default_rng(2).normal(0, 1, (160, 220)).astype(np.float32)
+    tank = 130 + 60 * cv2.GaussianBlur(grain, (0, 0), 2)
+    frames = []
+    for k in range(count):
+        frame = np.clip(tank, 60, 220).astype(np.uint8)
+        cv2.ellipse(frame, (30 + 160 * k // count, 80), (18, 6), 12.0 * np.sin(k), 0, 360, 20, -1)
+        frames.append(frame)
+    return frames
+
+
+@pytest.fixture
+def written(monkeypatch) -> list[int]:
+    """How many frames each clip has that is written."""
+    lengths = []
+
+    def count_frames(*args):
+        facts, tally, arena = write_clip(*args)
+        lengths.append(facts.frames)
+        return facts, tally, arena
+
+    monkeypatch.setattr("finloop.clip.rewrite.write_clip", count_frames)
+    return lengths
+
+
+@pytest.mark.parametrize("count", [64, 65])
+def test_a_film_is_written_once_with_the_repairs_that_a_sample_of_it_needs(
+    tmp_path, written, count
+):
+    light = 1 + 0.06 * np.cos(2.1 * np.arange(count))
+    shift = np.random.default_rng(4).uniform(-1.5, 1.5, (count, 2))
+    shot = [
+        undo_shift(cv2.convertScaleAbs(frame, alpha=gain), Shift(x, y, 0))
+        for frame, gain, (x, y) in zip(tank_frames(count), light, shift, strict=True)
+    ]
+    result, _ = clip_of(tmp_path, shot)
+    assert written == [count] and result.mended == {"even_light", "steady"}
+    assert result.filmed.light_flicker_pct == pytest.approx(6 / 2**0.5, rel=0.1)
+    assert result.filmed.shake_px == pytest.approx((2 * 1.5**2 / 3) ** 0.5, rel=0.15)
+    assert result.quality.light_flicker_pct < 0.3 and result.quality.shake_px < 0.1
+
+
+def test_a_fault_outside_the_sample_is_found_in_the_clip_and_mended(tmp_path, written):
+    frames = tank_frames(100)
+    for k in range(100):
+        if k % 12 > 7:  # stretches of a sample begin at key frames, one in 12, and have 8 frames
+            frames[k] = undo_shift(frames[k], Shift(2.0 * (-1) ** k, 1.0, 0))
+    result, _ = clip_of(tmp_path, frames)
+    assert written == [100, 100] and result.mended == {"steady"}
+    assert result.filmed.shake_px > 0.5 > 0.1 > result.quality.shake_px

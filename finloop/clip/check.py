@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Picture
+from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema, columns
 from finloop.base.thin import thin_frame
 from finloop.clip.doubled import find_repeats, picture_change
-from finloop.clip.light import measure_gain, measure_light, undo_gain
+from finloop.clip.light import LightMeasures, measure_gain, measure_light, undo_gain
 from finloop.clip.shake import (
     STILL,
     UNKNOWN,
@@ -216,13 +216,14 @@ def _median_picture(frames: Sequence[Picture]) -> Picture:
 
 def check_film(
     read_frames: Callable[[Sequence[int]], Iterable[Picture]], rate_hz: float, tally: ClipTally,
-    key_frame_distance: int = 1,
+    key_frame_distance: int = 1, starts: Sequence[int] = (0,),
 ) -> tuple[Quality, pd.DataFrame, Picture]:  # fmt: skip
     """Return the quality of a film, a table of measures per frame, and the empty tank (h, w[, 3]).
 
     read_frames(numbers): yields the grey frames (h, w) uint8 of these numbers, which ascend.
     rate_hz: frames per second. tally: brightness and samples of all frames. The table has the
-    columns `CHECK`. key_frame_distance: frames from one key frame to the next.
+    columns `CHECK`. key_frame_distance: frames from one key frame to the next. starts: where other
+    stretches of the film begin, if it is a sample.
     """
     tank = _empty_tank(tally)
     numbers = choose_examined_frames(tally.frames, key_frame_distance)
@@ -230,7 +231,8 @@ def check_film(
     table = pd.DataFrame({"light": tally.lights, "change": tally.changes})
     table = table.join(examined).rename_axis("frame").reset_index()
     table = table.reindex(columns=CHECK.names)
-    return _summarize_quality(table, rate_hz, len(examined), moving), table, tank
+    light = measure_light(table["light"].to_numpy(np.float64), rate_hz, starts)
+    return _summarize_quality(table, light, len(examined), moving), table, tank
 
 
 def _examine_frames(
@@ -337,27 +339,39 @@ def _measure_moving_pixels(
     return _MovingPixels(level.size, contrast, black, white)
 
 
+def measure_shake(shifts: Floats, examined: int) -> tuple[float, float, float]:
+    """Return the shake of the camera [px]: root mean square, largest, and how far parts move apart.
+
+    All NaN if most shifts are unknown. shifts (n, 3): as in `Shift`, NaN where unknown; examined:
+    how many frames were measured.
+    """
+    known = shifts[np.isfinite(shifts[:, 0])]
+    if 2 * len(known) < examined or not len(known):
+        return math.nan, math.nan, math.nan
+    distance = np.hypot(*(known[:, :2] - np.median(known[:, :2], axis=0)).T)
+    mean_square = float(np.mean(distance**2))
+    return mean_square**0.5, float(distance.max()), float(np.nanmedian(known[:, 2]))
+
+
 def _summarize_quality(
-    table: pd.DataFrame, rate_hz: float, examined: int, moving: pd.DataFrame
+    table: pd.DataFrame, light: LightMeasures, examined: int, moving: pd.DataFrame
 ) -> Quality:
     """Return the quality of a film from the measures of its frames.
 
-    table: columns `CHECK`; rate_hz: frames per second; examined: number of frames that were
+    table: columns `CHECK`; light: flicker and drift; examined: number of frames that were
     examined; moving: columns `_MovingPixels`, a row for each frame in which these were measured.
     """
-    light = measure_light(table["light"].to_numpy(np.float64), rate_hz)
-    place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
-    places = place[np.isfinite(place[:, 0])]
-    distance = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]
-    known = 2 * len(places) >= examined  # in most frames the floor has enough marks
+    shake_px, most_px, apart_px = measure_shake(
+        table[["shift_x", "shift_y", "shift_apart"]].to_numpy(np.float64), examined
+    )
     repeats = find_repeats(table["change"].to_numpy(np.float64))
-    medians = table[["shift_apart", "field_order", "noise"]].median()
+    medians = table[["field_order", "noise"]].median()
     pixel_sum = max(1.0, float(moving["number"].sum()))
     return Quality(
         **{f"light_{name}": value for name, value in light._asdict().items()},
-        shake_px=float(np.mean(distance**2)) ** 0.5 if known else float("nan"),
-        shake_most_px=float(distance.max()) if known else float("nan"),
-        shake_apart_px=float(medians["shift_apart"]) if known else float("nan"),
+        shake_px=shake_px,
+        shake_most_px=most_px,
+        shake_apart_px=apart_px,
         doubled_pct=100 * repeats.share,
         doubled_rate=repeats.rate,
         field_order=float(medians["field_order"]),

@@ -4,6 +4,7 @@ A lamp that becomes g times as bright makes every pixel g times as bright (gamma
 the g). So one gain per channel suffices.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -78,12 +79,25 @@ def smooth_light(brightness: Floats, rate_hz: float) -> Floats:
     return np.convolve(padded, np.full(width, 1 / width), mode="valid")
 
 
-def measure_light(brightness: Floats, rate_hz: float) -> LightMeasures:
+def measure_light(
+    brightness: Floats, rate_hz: float, starts: Sequence[int] = (0,)
+) -> LightMeasures:
     """Measure flicker and drift from the brightness (frames,) of successive frames, in any unit.
 
     rate_hz: frames per second. Changes slower than three seconds are drift, the rest is flicker.
-    NaN where the brightness of most frames is unknown (NaN).
+    NaN where the brightness of most frames is unknown (NaN). starts: where other stretches of the
+    film begin; flicker is then that of the median stretch, without a frequency, and drift the range
+    of the stretches' means.
     """
+    if len(starts) > 1:
+        stretches = np.split(brightness, starts[1:])
+        measures = np.array([measure_light(stretch, rate_hz) for stretch in stretches])
+        known = np.flatnonzero(np.isfinite(measures[:, 0]))
+        if 2 * len(known) < len(stretches):
+            return LightMeasures(np.nan, np.nan, np.nan)
+        means = np.array([np.nanmean(stretches[k]) for k in known])
+        drift = 100 * float(np.ptp(means) / means.mean())
+        return LightMeasures(float(np.median(measures[known, 0])), np.nan, drift)
     known = np.flatnonzero(np.isfinite(brightness))
     if 2 * len(known) < len(brightness):
         return LightMeasures(np.nan, np.nan, np.nan)

@@ -1,14 +1,15 @@
-"""Write the normalised clip of a film, check it, and write it again with its faults repaired.
+"""Write the normalised clip of a film with its faults repaired, as a sample of it asks for.
 
 First the pictures are repaired (fields, doubled ones), then their light and shake, which can only
 be measured on whole pictures. A film without faults stays unchanged: its clip keeps every byte.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
+from itertools import accumulate, chain
 from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
@@ -16,9 +17,19 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Mask, Picture
-from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, ClipTally, Quality, check_film
+from finloop.base.thin import thin_frame
+from finloop.clip.check import (
+    CHECK,
+    CHECK_NAME,
+    PLAIN_LEVELS,
+    TANK_NAME,
+    ClipTally,
+    Quality,
+    check_film,
+    measure_shake,
+)
 from finloop.clip.doubled import RepeatedFrames, find_repeats
-from finloop.clip.light import measure_gain, undo_gain
+from finloop.clip.light import measure_gain, measure_light, undo_gain
 from finloop.clip.settings import ClipSettings, FootageSettings
 from finloop.clip.shake import (
     STILL,
@@ -31,8 +42,8 @@ from finloop.clip.shake import (
     undo_shift,
 )
 from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
-from finloop.clip.write import ClipSource, open_clip_source, write_clip
-from finloop.io.footage.source import NumberedFrames, Order
+from finloop.clip.write import ClipSource, open_footage_source, write_clip
+from finloop.io.footage.source import STRETCHES, Footage, NumberedFrames, Order
 from finloop.io.picture import save_picture
 from finloop.io.table import save_table
 from finloop.io.video import (
@@ -52,6 +63,7 @@ Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 FARTHEST = 0.03
 APART = 0.3  # share of the shake; parts of the picture that differ by more did not just shift
 KEPT_CONTRAST = 0.7  # share of the contrast over the noise that a repair must leave
+_MOST, _SAMPLE_BYTES = 64, 2**28  # most frames of a sample, and most bytes
 _EDGE = 2  # px; reach of a Lanczos kernel
 
 REPAIRED_BY = {
@@ -100,40 +112,54 @@ class _FrameCorrector:
     tank: Picture
     light: bool  # whether to correct the light
     place: bool  # whether to correct the place
-    # Of all frames so far: the largest shift to the left and up, and that to the right and down.
-    _left_up_px: tuple[float, float] = (0.0, 0.0)
-    _right_down_px: tuple[float, float] = (0.0, 0.0)
+    # Of all frames so far: their mean gain, and their shift.
+    gains: list[float] = field(default_factory=list)
+    shifts: list[Shift] = field(default_factory=list)
     _marks: Landmarks | None = None
     _last: Shift = field(default=STILL)
+
+    def correct_frame(self, frame: Picture) -> Picture:
+        """Return a frame with corrected brightness and place; store by how much."""
+        gains = measure_gain(frame, self.tank) if self.light else None
+        if gains is not None:
+            self.gains.append(float(gains.mean()))
+        if not self.place:
+            return frame if gains is None else undo_gain(frame, gains)
+        self._marks = self._marks or find_landmarks(self.tank)
+        shift = measure_shift(frame, self._marks, self._last)
+        self.shifts.append(shift)
+        self._last = self._last if shift is UNKNOWN else shift
+        return undo_shift(frame, self._last, gains)
 
     def correct_frames(self, frames: NumberedFrames) -> NumberedFrames:
         """Yield the frames with corrected brightness and place; times and numbers do not change."""
         for time_s, (number, frame) in frames:
-            if self.light:
-                frame = undo_gain(frame, measure_gain(frame, self.tank))
-            if self.place:
-                frame = self._steady_frame(frame)
-            yield time_s, (number, frame)
-
-    def _steady_frame(self, frame: Picture) -> Picture:
-        """Return a frame moved back by its shift against the empty tank, and store the shift."""
-        self._marks = self._marks or find_landmarks(self.tank)
-        shift = measure_shift(to_grey(frame), self._marks, self._last)
-        shift = self._last if shift is UNKNOWN else shift
-        self._last = shift
-        (left, up), (right, down) = self._left_up_px, self._right_down_px
-        self._left_up_px = max(left, -shift.x), max(up, -shift.y)
-        self._right_down_px = max(right, shift.x), max(down, shift.y)
-        return undo_shift(frame, shift)
+            yield time_s, (number, self.correct_frame(frame))
 
     def common_mask(self) -> Mask:
         """Return the mask (h, w) of the pixels that every corrected frame shows."""
         height, width = self.tank.shape[:2]
-        mask = np.zeros((height, width), bool)
-        sides = (*self._left_up_px, *self._right_down_px)
+        shifts = np.nan_to_num([STILL, *self.shifts])[:, :2]
+        sides = (*-shifts.min(axis=0), *shifts.max(axis=0))
         left, top, right, bottom = (int(np.ceil(px)) + _EDGE if px else 0 for px in sides)
+        mask = np.zeros((height, width), bool)
         mask[top : height - bottom, left : width - right] = True
         return mask
+
+    def measure_film(self, sample: Quality, rate_hz: float) -> Quality:
+        """Return the quality of a sample with the light and shake of all frames, where stored.
+
+        rate_hz: frames per second of the film.
+        """
+        measures: dict[str, float] = {}
+        if self.light:
+            light = measure_light(np.array(self.gains), rate_hz)._asdict()
+            measures |= {f"light_{name}": value for name, value in light.items()}
+        if self.place:
+            shake = measure_shake(np.array(self.shifts), len(self.shifts))
+            names = "shake_px", "shake_most_px", "shake_apart_px"
+            measures |= dict(zip(names, shake, strict=True))
+        return replace(sample, **measures)
 
 
 class _Reading(NamedTuple):
@@ -144,34 +170,164 @@ class _Reading(NamedTuple):
     corrector: _FrameCorrector | None = None  # of light and place
 
 
+@dataclass(frozen=True)
+class _Version:
+    """A film, or a sample of it, with some repairs: how it was read, and what was measured."""
+
+    reading: _Reading
+    facts: VideoFacts
+    tally: ClipTally
+    arena: Mask
+    quality: Quality
+    tank: Picture
+    mended: frozenset[str] = frozenset()  # the repairs, of `REPAIRED_BY`
+    refused: frozenset[str] = frozenset()  # those that were tried, and made the film no better
+
+
+_Make = Callable[[_Reading], _Version]
+"""Reads a film, or its sample, with the repairs of a reading, and measures it."""
+
+
 def make_clip(
     p: ClipSettings, source: ClipSource, folder: Path,
     show_progress: Watch = lambda *_: nullcontext(lambda: None),
 ) -> ClipResult:  # fmt: skip
     """Write a film as a clip: upright, at a constant frame rate, with the footage's faults mended.
 
-    A repair that is chosen automatically stays only if it makes the film better (`is_better`).
-    The folder also receives a table of checks (`CHECK_NAME`) and a picture of the empty tank
+    Repairs are tried on a sample of the film. Those that make it better (`is_better`) are made
+    while the clip is written. Then all of the clip is checked: a repair that does not help there is
+    left out, one that the sample did not ask for is added, and the clip is written again. The
+    folder also receives a table of checks (`CHECK_NAME`) and a picture of the empty tank
     (`TANK_NAME`). show_progress(word, frames): a context that yields a function to call after each
     frame. FinloopError if the film has fewer than two readable or only plain frames, or the arena
     does not fit.
     """
-    with show_progress("clip", source.facts.frames) as advance:
-        facts, tally, arena = write_clip(source, p, folder, advance)
-    filmed, tank = _check_clip(facts, tally, folder)
-    result = ClipResult(facts, tally, arena, filmed, filmed, frozenset())
-    if not isinstance(p, FootageSettings):
-        return result
-    reading = _Reading()
+    write = partial(_write_version, p, source, folder, show_progress)
+    if not isinstance(p, FootageSettings) or source.footage is None:
+        version = write(_Reading())
+        return _describe_version(version, version.quality)
+    version, filmed = _write_planned_version(p, source.footage, write)
     for kind in (_PICTURE_REPAIRS, _VIEW_REPAIRS):
-        todo = choose_repairs(p, result.quality, min(arena.shape)) & kind
-        if _is_retimed(result.facts):
-            todo.discard("undouble")
-        if todo:
-            result, tank, reading = _repair_clip(
-                p, todo, result, tank, reading, folder, show_progress
-            )
-    return result
+        version = _add_repairs(p, version, kind, write)
+    return _describe_version(version, filmed)
+
+
+def _describe_version(version: _Version, filmed: Quality) -> ClipResult:
+    """Return the result for the version of a film whose clip is written; filmed: see there."""
+    v = version
+    return ClipResult(v.facts, v.tally, v.arena, filmed, v.quality, v.mended, v.refused)
+
+
+def _write_planned_version(
+    p: FootageSettings, footage: Footage, write: _Make
+) -> tuple[_Version, Quality]:
+    """Write a clip with the repairs that help a sample of it; return it, and the film's quality.
+
+    The latter is that of the film before any repair.
+    """
+    sample = _Sample(footage)
+    is_asked = any(getattr(p, mode) != "never" for mode in REPAIRED_BY.values())
+    if not is_asked or not sample.shows_something():
+        version = write(_Reading())
+        return version, version.quality
+    planned = as_filmed = sample.make_version(_Reading())
+    for kind in ({"deinterlace"}, _VIEW_REPAIRS):  # a rhythm of repeats shows in the whole film
+        planned = _add_repairs(p, planned, kind, sample.make_version)
+    version = _make_repairs(p, as_filmed, planned.mended, write, has_smaller_fault)
+    version = replace(version, refused=version.refused | planned.refused)
+    if not version.mended:
+        return version, version.quality
+    filmed, corrector = as_filmed.quality, version.reading.corrector
+    if corrector:
+        filmed = corrector.measure_film(filmed, version.facts.frame_rate_hz)
+    return version, replace(filmed, coding_quantiser=version.quality.coding_quantiser)
+
+
+@dataclass
+class _Sample:
+    """Stretches of a film, which are kept while repairs are tried on them."""
+
+    footage: Footage
+    _stretches: list[list[Picture]] = field(default_factory=list)
+    _fields: Order = ""  # with which they were read
+
+    def read_stretches(self, fields: Order) -> list[list[Picture]]:
+        """Return the stretches; they are read again if the order of fields is another."""
+        if not self._stretches or self._fields != fields:
+            channels = 3 if self.footage.colour else 1
+            frame_bytes = channels * self.footage.width_px * self.footage.height_px
+            most = max(2 * STRETCHES, min(_MOST, _SAMPLE_BYTES // frame_bytes))
+            self._fields = fields
+            self._stretches = replace(self.footage, fields=fields).sample_stretches(most)
+        return self._stretches
+
+    def shows_something(self) -> bool:
+        """Return whether two frames or more could be read, and are not plain."""
+        frames = [thin_frame(frame) for frame in chain(*self.read_stretches(""))]
+        return len(frames) > 1 and np.ptp(frames) >= PLAIN_LEVELS
+
+    def make_version(self, reading: _Reading) -> _Version:
+        """Read the sample with some repairs, check it, and return its version."""
+        stretches = self.read_stretches(reading.fields)
+        tally, greys = ClipTally(), []
+        for frame in chain(*stretches):
+            shown = reading.corrector.correct_frame(frame) if reading.corrector else frame
+            tally.add_frame(shown)
+            greys.append(to_grey(shown))
+        starts = [*accumulate(map(len, stretches[:-1]), initial=0)]
+        rate_hz = float(self.footage.frame_rate)
+        quality, _, tank = check_film(
+            lambda numbers: (greys[k] for k in numbers), rate_hz, tally, starts=starts
+        )
+        facts = self.footage.clip_facts("file", 0)
+        return _Version(reading, facts, tally, np.ones_like(greys[0], bool), quality, tank)
+
+
+def _write_version(
+    p: ClipSettings, source: ClipSource, folder: Path, show_progress: Watch, reading: _Reading
+) -> _Version:
+    """Write the clip of a film with some repairs, check it, and return its version."""
+    film = source
+    if isinstance(p, FootageSettings) and source.footage is not None:
+        film = _read_footage(p, source.footage, reading)
+    word = "mend" if (folder / CLIP_NAME).exists() else "clip"
+    with show_progress(word, film.facts.frames) as advance:
+        facts, tally, arena = write_clip(film, p, folder, advance)
+    if reading.corrector:
+        arena = arena & reading.corrector.common_mask()
+        save_mask(folder / ARENA_NAME, arena)
+    quality, tank = _check_clip(facts, tally, folder)
+    return _Version(reading, facts, tally, arena, quality, tank)
+
+
+def _add_repairs(p: FootageSettings, version: _Version, kind: set[str], make: _Make) -> _Version:
+    """Return a version with the further repairs that it needs, of one kind, and that help it."""
+    todo = choose_repairs(p, version.quality, min(version.arena.shape)) & kind
+    todo -= version.mended | version.refused
+    if _is_retimed(version.facts):
+        todo.discard("undouble")
+    return _make_repairs(p, version, todo, make) if todo else version
+
+
+def _make_repairs(
+    p: FootageSettings, before: _Version, todo: Set[str], make: _Make,
+    helps: Callable[[str, Quality, Quality], bool] | None = None,
+) -> _Version:  # fmt: skip
+    """Return a version with more repairs, of `REPAIRED_BY`, but without those that do not help.
+
+    helps(repair, quality before, quality after): None: `is_better`.
+    """
+    refused = set[str]()
+    while True:
+        after = make(_plan_reading(before, todo - refused))
+        worse = {
+            name for name in todo - refused if getattr(p, REPAIRED_BY[name]) == "auto"
+            and not (helps or is_better)(name, before.quality, after.quality)
+        }  # fmt: skip
+        if not worse:
+            mended = before.mended | todo - refused
+            return replace(after, mended=mended, refused=before.refused | refused)
+        refused |= worse
 
 
 def _is_retimed(facts: VideoFacts) -> bool:
@@ -180,59 +336,28 @@ def _is_retimed(facts: VideoFacts) -> bool:
     return bool(retimed) or len(facts.segments) > 1
 
 
-def _repair_clip(
-    p: FootageSettings, todo: set[str], before: ClipResult, tank: Picture, reading: _Reading,
-    folder: Path, show_progress: Watch,
-) -> tuple[ClipResult, Picture, _Reading]:  # fmt: skip
-    """Write a clip again with more repairs; return it, its empty tank, and how the film is read.
+def _plan_reading(before: _Version, todo: Set[str]) -> _Reading:
+    """Return how a film is read with more repairs, as what was measured before them says.
 
-    Repairs that make the film no better are left out, and the clip is written once more, until all
-    help. todo: the repairs, of `REPAIRED_BY`. before, tank, reading: the clip, its empty tank and
-    how the film is read, so far.
+    todo: the repairs, of `REPAIRED_BY`.
     """
-    refused = before.refused
-    while True:
-        trial = _add_repairs(reading, todo, before, tank)
-        source = _reopen_film(p, trial)
-        with show_progress("mend", source.facts.frames) as advance:
-            facts, tally, arena = write_clip(source, p, folder, advance)
-        if trial.corrector:
-            arena = arena & trial.corrector.common_mask()
-            save_mask(folder / ARENA_NAME, arena)
-        quality, new_tank = _check_clip(facts, tally, folder)
-        worse = {
-            name for name in todo if getattr(p, REPAIRED_BY[name]) == "auto"
-            and not is_better(name, before.quality, quality)
-        }  # fmt: skip
-        if not worse:
-            mended = before.mended | todo
-            result = ClipResult(facts, tally, arena, before.filmed, quality, mended, refused)
-            return result, new_tank, trial
-        todo, refused = todo - worse, refused | worse
-
-
-def _add_repairs(reading: _Reading, todo: set[str], before: ClipResult, tank: Picture) -> _Reading:
-    """Return how the film is read with more repairs, set to what was measured in its clip so far.
-
-    todo: the repairs, of `REPAIRED_BY`; before, tank: the clip so far and its empty tank.
-    """
+    reading, mended = before.reading, before.mended | todo
     if "deinterlace" in todo:
         order = before.quality.field_order
         fields: Order = "tff" if order > 0 else "bff" if order <= 0 else "auto"  # auto: NaN
         reading = reading._replace(fields=fields)
     if "undouble" in todo:
         reading = reading._replace(repeats=find_repeats(np.array(before.tally.changes)))
-    if todo & _VIEW_REPAIRS:
-        corrector = _FrameCorrector(tank, light="even_light" in todo, place="steady" in todo)
+    if mended & _VIEW_REPAIRS:
+        corrector = _FrameCorrector(
+            before.tank, light="even_light" in mended, place="steady" in mended
+        )
         reading = reading._replace(corrector=corrector)
     return reading
 
 
-def is_better(repair: str, before: Quality, after: Quality) -> bool:
-    """Return whether a repair made its fault smaller, and the animals stand out nearly as before.
-
-    repair: of `REPAIRED_BY`; before, after: quality of the clip without and with it.
-    """
+def has_smaller_fault(repair: str, before: Quality, after: Quality) -> bool:
+    """Return whether a repair, of `REPAIRED_BY`, made its fault smaller."""
 
     def fault(quality: Quality) -> float:
         """Return the size of the fault that the repair is for, 0 where it is not seen."""
@@ -244,9 +369,17 @@ def is_better(repair: str, before: Quality, after: Quality) -> bool:
         }  # fmt: skip
         return float(np.nan_to_num(sizes[repair]))
 
+    return fault(after) < fault(before)
+
+
+def is_better(repair: str, before: Quality, after: Quality) -> bool:
+    """Return whether a repair made its fault smaller, and the animals stand out nearly as before.
+
+    repair: of `REPAIRED_BY`; before, after: quality of the same frames without and with it.
+    """
     old, new = (film.contrast_grey / max(film.noise_grey, 1.0) for film in (before, after))
     # `not <`: an unknown contrast, NaN, does not refuse the repair
-    return fault(after) < fault(before) and not new < KEPT_CONTRAST * old
+    return has_smaller_fault(repair, before, after) and not new < KEPT_CONTRAST * old
 
 
 def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -> set[str]:
@@ -291,9 +424,9 @@ def _drop_repeats(
             yield float(picture_number) / rate_hz, frame
 
 
-def _reopen_film(p: FootageSettings, reading: _Reading) -> ClipSource:
-    """Open a film again so that its frames are read without repeats and corrected."""
-    source = open_clip_source(p, reading.fields)
+def _read_footage(p: FootageSettings, footage: Footage, reading: _Reading) -> ClipSource:
+    """Return a film whose frames are read as `reading` says: without repeats, and corrected."""
+    source = open_footage_source(p, replace(footage, fields=reading.fields))
     facts, streams, repeated = source.facts, source.streams, reading.repeats
     if repeated is not None:
         rate = facts.frame_rate * _simplest_fraction(repeated.rate, len(repeated.repeats))

@@ -30,7 +30,7 @@ from finloop.drawn.carp.film import film_frames, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
 from finloop.io.footage import open_footage
-from finloop.io.footage.source import Footage, LostFrames, NumberedFrames, Order
+from finloop.io.footage.source import Footage, LostFrames, NumberedFrames
 from finloop.io.footage.timing import FrameCounts, resample_nearest, split_at_cuts
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_table, table_writer
@@ -62,15 +62,29 @@ class ClipSource:
     streams: list[NumberedFrames]  # one for each film; frames are numbered through all of them
     loss: LostFrames
     truth: list[dict[str, Any]]  # rows about the drawn carp that collect while `streams` is read
+    footage: Footage | None = None  # the film, if it is the user's own
 
 
-def open_clip_source(p: ClipSettings, fields: Order = "") -> ClipSource:
+def open_clip_source(p: ClipSettings) -> ClipSource:
     """Open the film, or the drawing, that the parameters name; its frames are read later.
 
-    fields: which field of the user's footage is earlier, if it is to be deinterlaced. FinloopError
-    if the film cannot be opened, or the carp have no room.
+    FinloopError if the film cannot be opened, or the carp have no room.
     """
-    return _open_carp(p) if isinstance(p, CarpSettings) else _open_films(p, fields)
+    if isinstance(p, CarpSettings):
+        return _open_carp(p)
+    if isinstance(p, ZebrafishSettings):
+        paths = fetch_zebrafish_clips(p.parts, find_cache_folder())
+        return _join_films(p, [open_footage(path, colour=False) for path in paths])
+    colour = {"auto": None, "always": True, "never": False}[p.colour]
+    footage = open_footage(
+        p.film, frame_rate_hz=p.frame_rate_hz, start_s=p.start_s, end_s=p.end_s, colour=colour
+    )
+    return open_footage_source(p, footage)
+
+
+def open_footage_source(p: FootageSettings, footage: Footage) -> ClipSource:
+    """Return the clip of a film that was inspected already; its frames are read later."""
+    return replace(_join_films(p, [footage]), footage=footage)
 
 
 def write_clip(
@@ -133,21 +147,8 @@ def _open_carp(p: CarpSettings) -> ClipSource:
     return ClipSource(facts, [draw_frames()], LostFrames(), truth)
 
 
-def _open_films(p: ZebrafishSettings | FootageSettings, fields: Order) -> ClipSource:
-    """Prepare the zebrafish clips, or the user's footage; frames are decoded when they are read.
-
-    fields: which field of interlaced film is earlier, "" if it is not interlaced.
-    """
-    if isinstance(p, ZebrafishSettings):
-        paths = fetch_zebrafish_clips(p.parts, find_cache_folder())
-        films = [open_footage(path, colour=False) for path in paths]
-    else:
-        colour = {"auto": None, "always": True, "never": False}[p.colour]
-        footage = open_footage(
-            p.film, frame_rate_hz=p.frame_rate_hz, start_s=p.start_s, end_s=p.end_s,
-            colour=colour,
-        )  # fmt: skip
-        films = [replace(footage, fields=fields)]
+def _join_films(p: ZebrafishSettings | FootageSettings, films: list[Footage]) -> ClipSource:
+    """Return one clip of several films; their frames are decoded when they are read."""
     lengths = [f.frames_in_source for f in films]
     facts = replace(
         films[0].clip_facts(p.source, p.crf),

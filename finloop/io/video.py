@@ -205,7 +205,7 @@ def read_chosen_frames(
         # Number of the last decoded frame, and itself; at first so that the film is sought.
         position, current = -KEY_FRAME_EVERY, None
         for number in frames:
-            if number - position >= KEY_FRAME_EVERY:  # else decoding on is as quick as seeking
+            if number // KEY_FRAME_EVERY * KEY_FRAME_EVERY > position:  # its key frame is ahead
                 container.seek(int(number * step), stream=stream)
                 decoded, current = _decode_clip(path, container, stream), None
             while current is None or position < number:

@@ -1,5 +1,6 @@
 """Films, read by FFmpeg: their facts, and their frames one after the other."""
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
@@ -27,6 +28,7 @@ from finloop.io.footage.source import (
     CHROMA_FRACTION,
     FULL_FROM_LIMITED,
     SAMPLES,
+    STRETCHES,
     WANTED,
     Footage,
     LostFrames,
@@ -295,6 +297,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
         frames_expected=stamps.size,
         reader=_read_film_frames,
+        sampler=_sample_film,
         frames_in_source=max(promised, stamps.size),
         turn=coding.turn,
         levels=coding.levels,
@@ -360,6 +363,68 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
         promised_s = min(footage.last_s, footage.end_s - step_s)
         lacking = round((promised_s - last_good_s) / step_s)
         loss.missing_at_end = max(0, lacking - (loss.damaged - damaged_before))
+
+
+def _sample_film(footage: Footage, length: int) -> Iterator[list[np.ndarray]]:
+    """Yield stretches of `length` frames, spread over a film's range of time.
+
+    It is the `sampler` of a film's `Footage`. Each begins at another key frame, which decodes at
+    once. A film with few key frames, or that cannot be sought, is decoded to its end.
+    """
+    with open_stream(footage.path) as (container, stream):
+        if (stretches := _read_from_key_frames(container, stream, footage, length)) is not None:
+            yield from stretches
+            return
+    starts = np.linspace(0, footage.frames_expected - length, STRETCHES).astype(int)
+    stretch: list[np.ndarray] = []
+    for number, (_, (_, picture)) in enumerate(footage.stream_numbered(LostFrames())):
+        if (starts <= number).any() and number < starts[starts <= number][-1] + length:
+            stretch.append(picture.copy())
+        if len(stretch) == length:
+            yield stretch
+            stretch = []
+
+
+def _read_from_key_frames(
+    container: InputContainer, stream: VideoStream, footage: Footage, length: int
+) -> list[list[np.ndarray]] | None:
+    """Return stretches of a film that begin at key frames; None if it has too few of them.
+
+    length: of each stretch, in frames.
+    """
+    time_base_s = float(stream.time_base or 1)
+    # Shares of the film hold for its stamps, too, if the user has given another rate.
+    whole_s = footage.last_s + 1 / float(footage.frame_rate)
+    first, last = footage.start_s / whole_s, min(1.0, footage.end_s / whole_s)
+    length_s = (container.duration or 0) / av.time_base  # not every stream states its own
+    start, ticks = footage.stamp_s / time_base_s, length_s / time_base_s
+    stretches: list[list[np.ndarray]] = []
+    passed = -math.inf
+    for share in np.linspace(first, last, STRETCHES, endpoint=False):
+        try:
+            container.seek(int(start + share * ticks), stream=stream)
+        except (av.error.FFmpegError, OSError):
+            return None
+        frames = _decode_film(container, stream)
+        if footage.fields:
+            frames = _deinterlace(frames, stream, footage.fields)
+        stretch: list[np.ndarray] = []
+        for frame in frames:
+            if frame is None or (frame.width, frame.height) != footage.coded_size:
+                continue
+            stamp = passed if frame.pts is None and stretch else frame.pts
+            if stamp is None:
+                continue
+            if (stamp <= passed and not stretch) or stamp >= start + last * ticks:
+                break  # the key frame of the stretch before, again; or the end
+            if stamp >= start + first * ticks:
+                passed = stamp
+                stretch.append(_upright_picture(footage, frame).copy())
+                if len(stretch) == length:
+                    break
+        if stretch:
+            stretches.append(stretch)
+    return stretches if 2 * len(stretches) > STRETCHES else None
 
 
 def _upright_picture(footage: Footage, frame: VideoFrame) -> np.ndarray:

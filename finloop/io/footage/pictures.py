@@ -22,6 +22,7 @@ from finloop.io.footage.arrays import open_array, to_picture
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
     SAMPLES,
+    STRETCHES,
     Footage,
     LostFrames,
     NumberedFrames,
@@ -148,7 +149,8 @@ def open_pictures(
     footage = Footage(
         path=path, width_px=first.shape[1], height_px=first.shape[0], frame_rate=rate,
         colour=colour, levels=levels, frames_expected=len(times), frames_in_source=len(times),
-        last_s=float(times[-1]), reader=_read_picture_frames, notes=notes,
+        last_s=float(times[-1]), reader=_read_picture_frames,
+        sampler=_sample_pictures, notes=notes,
         renumbered=is_rate_given,  # then a frame's time is its number / rate
     )  # fmt: skip
     return footage, times
@@ -332,30 +334,51 @@ def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
     It is the `reader` of the `Footage` of a folder, TIFF or array; see `Footage.stream_numbered`.
     loss: the frames that the numbering leaves out are counted in `loss.gaps`.
     """
-    size = footage.width_px, footage.height_px
     # Renumbered: the user has given the rate, so no times are read.
-    with _open_album(footage.path, footage.renumbered) as (names, load, frame_numbers, _, times):
-        times_s = frame_numbers / float(footage.frame_rate) if times is None else times
-
-        def load_frame(number: int) -> tuple[float, tuple[int, np.ndarray]]:
-            """Load one picture and check its size and depth; return (time, (number, picture))."""
-            picture = load(number)
-            if picture.shape[1::-1] != size:
-                raise other_size_error(names[number], picture.shape[1::-1], size)
-            # The film's `levels` are None exactly if its first picture has 8 bits.
-            if (picture.dtype == np.uint8) == (footage.levels is not None):
-                raise FinloopError(
-                    came=f"{names[number]} has {picture.dtype} levels, unlike earlier ones",
-                    wanted="pictures of one depth",
-                    do="move it away, or convert all alike",
-                )
-            shown = _to_uint8(picture, footage.colour, footage.levels)
-            return float(times_s[number]), (number, shown)
-
-        # Two frames at least: `limit_time` refuses a range with fewer.
-        numbers = [k for k in range(len(names)) if is_in_range(footage, times_s[k])]
-        if times is None:
-            first, last = frame_numbers[numbers[0]], frame_numbers[numbers[-1]]
+    with _open_album(footage.path, footage.renumbered) as album:
+        times_s, numbers = _choose_pictures(footage, album)
+        if album.times_s is None:
+            first, last = album.frame_numbers[numbers[0]], album.frame_numbers[numbers[-1]]
             loss.gaps = int(last - first) + 1 - len(numbers)
         threads = THREADS if footage.path.is_dir() else 1  # one open file is not safe for threads
-        yield from ordered_map(load_frame, numbers, Threads(threads))
+        load = partial(_load_frame, footage, album)
+        pictures = ordered_map(load, numbers, Threads(threads))
+        for number, picture in zip(numbers, pictures, strict=True):
+            yield float(times_s[number]), (number, picture)
+
+
+def _sample_pictures(footage: Footage, length: int) -> Iterator[list[np.ndarray]]:
+    """Yield stretches of `length` pictures, spread over the range of time.
+
+    It is the `sampler` of the `Footage` of a folder, TIFF or array.
+    """
+    with _open_album(footage.path, footage.renumbered) as album:
+        _, numbers = _choose_pictures(footage, album)
+        for start in np.linspace(0, len(numbers) - length, STRETCHES).astype(int):
+            yield [_load_frame(footage, album, k) for k in numbers[start : start + length]]
+
+
+def _choose_pictures(footage: Footage, album: Album) -> tuple[Floats, list[int]]:
+    """Return the time of each picture [s] (n,), and the numbers of those in the range of time.
+
+    Two at least: `limit_time` refuses a range with fewer.
+    """
+    times_s = album.times_s
+    if times_s is None:
+        times_s = album.frame_numbers / float(footage.frame_rate)
+    return times_s, [k for k in range(len(times_s)) if is_in_range(footage, times_s[k])]
+
+
+def _load_frame(footage: Footage, album: Album, number: int) -> np.ndarray:
+    """Load a picture by its number, check its size and depth, and convert it as the film's."""
+    picture, size = album.load(number), (footage.width_px, footage.height_px)
+    if picture.shape[1::-1] != size:
+        raise other_size_error(album.names[number], picture.shape[1::-1], size)
+    # The film's `levels` are None exactly if its first picture has 8 bits.
+    if (picture.dtype == np.uint8) == (footage.levels is not None):
+        raise FinloopError(
+            came=f"{album.names[number]} has {picture.dtype} levels, unlike earlier ones",
+            wanted="pictures of one depth",
+            do="move it away, or convert all alike",
+        )
+    return _to_uint8(picture, footage.colour, footage.levels)

@@ -16,6 +16,7 @@ import numpy as np
 from finloop.base.errors import FinloopError
 from finloop.io.video import VideoFacts
 
+STRETCHES = 8  # of a sample of a film
 SAMPLES = 12  # frames from which colour, depth and range are measured
 WANTED = "a film that FFmpeg can read (mp4, avi, mov, mkv, webm, gif) or a folder of pictures"
 WANTED_TWO = "at least 2 frames: without motion there is nothing to follow"
@@ -88,6 +89,8 @@ class Footage:
     colour: bool  # whether frames are RGB
     frames_expected: int  # ticks of `frame_rate` in the range of time, by the file's head
     reader: Callable[["Footage", LostFrames], NumberedFrames]  # streams the frames of the range
+    # Reads stretches of so many frames each, spread over the range.
+    sampler: Callable[["Footage", int], Iterator[list[np.ndarray]]]
     frames_in_source: int  # frames of the whole source, by the file's head
     turn: Turn = UPRIGHT  # turns the coded picture upright
     levels: tuple[float, float] | None = None  # that become 0 and 255; None for 8 bits
@@ -111,6 +114,16 @@ class Footage:
         read.
         """
         return self.reader(self, loss)
+
+    def sample_stretches(self, most: int) -> list[list[np.ndarray]]:
+        """Return stretches of successive frames, spread over the range of time.
+
+        They have at most `most` frames in all, which are as those of `stream_numbered`; of a film
+        that is no longer the only stretch is all of it.
+        """
+        if self.frames_expected <= most:
+            return [[picture.copy() for _, (_, picture) in self.stream_numbered(LostFrames())]]
+        return list(self.sampler(self, most // STRETCHES))
 
     def clip_facts(self, source: str, crf: int) -> VideoFacts:
         """Return the facts of the clip that will be made of this film, with `segments` still empty.
