@@ -225,8 +225,8 @@ def tank_frames(count: int) -> list[np.ndarray]:
 
 
 @pytest.fixture
-def written(monkeypatch) -> list[int]:
-    """How many frames each clip has that is written."""
+def clip_lengths(monkeypatch) -> list[int]:
+    """How many frames each clip has that is clip_lengths."""
     lengths = []
 
     def count_frames(*args):
@@ -240,7 +240,7 @@ def written(monkeypatch) -> list[int]:
 
 @pytest.mark.parametrize("count", [64, 65])
 def test_a_film_is_written_once_with_the_repairs_that_a_sample_of_it_needs(
-    tmp_path, written, count
+    tmp_path, clip_lengths, count
 ):
     light = 1 + 0.06 * np.cos(2.1 * np.arange(count))
     shift = np.random.default_rng(4).uniform(-1.5, 1.5, (count, 2))
@@ -249,17 +249,17 @@ def test_a_film_is_written_once_with_the_repairs_that_a_sample_of_it_needs(
         for frame, gain, (x, y) in zip(tank_frames(count), light, shift, strict=True)
     ]
     result, _ = clip_of(tmp_path, shot)
-    assert written == [count] and result.mended == {"even_light", "steady"}
+    assert clip_lengths == [count] and result.mended == {"even_light", "steady"}
     assert result.filmed.light_flicker_pct == pytest.approx(6 / 2**0.5, rel=0.1)
     assert result.filmed.shake_px == pytest.approx((2 * 1.5**2 / 3) ** 0.5, rel=0.15)
     assert result.quality.light_flicker_pct < 0.3 and result.quality.shake_px < 0.1
 
 
-def test_a_fault_outside_the_sample_is_found_in_the_clip_and_mended(tmp_path, written):
+def test_a_fault_outside_the_sample_is_found_in_the_clip_and_mended(tmp_path, clip_lengths):
     frames = tank_frames(100)
     for k in range(100):
         if k % 12 > 7:  # stretches of a sample begin at key frames, one in 12, and have 8 frames
             frames[k] = undo_shift(frames[k], Shift(2.0 * (-1) ** k, 1.0, 0))
     result, _ = clip_of(tmp_path, frames)
-    assert written == [100, 100] and result.mended == {"steady"}
+    assert clip_lengths == [100, 100] and result.mended == {"steady"}
     assert result.filmed.shake_px > 0.5 > 0.1 > result.quality.shake_px

@@ -225,7 +225,7 @@ def _write_planned_version(
 
     The latter is that of the film before any repair.
     """
-    sample = _Sample(footage)
+    sample = _FilmSample(footage)
     is_asked = any(getattr(p, mode) != "never" for mode in REPAIRED_BY.values())
     if not is_asked or not sample.shows_something():
         version = write(_Reading())
@@ -244,7 +244,7 @@ def _write_planned_version(
 
 
 @dataclass
-class _Sample:
+class _FilmSample:
     """Stretches of a film, which are kept while repairs are tried on them."""
 
     footage: Footage

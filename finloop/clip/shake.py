@@ -241,8 +241,9 @@ def _judge_shift(shift_px: Floats, fit: _Fit, tank: Landmarks) -> Shift:
 def undo_shift(frame: Picture, shift: Shift, gains: Floats | None = None) -> Picture:
     """Return a frame (h, w[, 3]) moved back by the camera's shift; new pixels repeat the border.
 
-    gains: (1,) or (3,) by which each channel is divided, too; None or NaN: by nothing. All pixels are moved by the same part of a pixel, so two filters, one for the rows and one
-    for the columns, do it (`_lanczos_weights`): 25 times as fast as a general warp.
+    gains: (1,) or (3,) by which each channel is divided, too; None or NaN: by nothing. All pixels
+    are moved by the same part of a pixel, so two filters, one for the rows and one for the columns,
+    do it (`_lanczos_weights`): 25 times as fast as a general warp.
     """
     height, width, channels = (*frame.shape, 1)[:3]
     right, down = math.floor(shift.x), math.floor(shift.y)
