@@ -20,6 +20,7 @@ from finloop.extract.samples import measure_edge_width
 from finloop.extract.segment import Silhouette
 from finloop.extract.table import tracks_schema
 from finloop.extract.verdict import list_findings as judge_animals
+from finloop.extract.verdict import measure_area_jumps
 from finloop.extract.write import extract_tracks
 from finloop.features.metrics import (
     measure_frames_per_beat,
@@ -60,7 +61,7 @@ def faults(folder: Path, frames: list[np.ndarray], rate: float = 25, crf: int = 
         f"silhouettes_{verdict.replace(' ', '_')}": extraction.verdicts[verdict]
         for verdict in ("fish", "at border")
     }
-    findings += judge_animals(facts)
+    findings += judge_animals(facts | {"area_jumps_pct": extraction.area_jumps_pct})
     table = load_table(tracks / "tracks.parquet", tracks_schema(p.points))
     features, _ = measure_features(table, made.facts.frame_rate_hz, settings("features"))
     findings += judge_headings(summarize_features(features))
@@ -86,6 +87,17 @@ SPOILT = {  # the fault, and a frame that has it
 @pytest.mark.parametrize("fault", SPOILT)
 def test_a_film_that_is_blurred_small_or_cut_off_has_this_fault_alone(tmp_path, carp, fault):
     assert faults(tmp_path, [SPOILT[fault](frame) for frame in carp]) == {fault}
+
+
+def test_an_animal_whose_tail_comes_and_goes_is_not_whole(tmp_path, carp):
+    """In every seventh frame the part of the carp below its middle is lost."""
+    tank = np.median(carp, axis=0).astype(np.uint8)
+    for k in range(3, 50, 7):
+        carp = [*carp[:k], carp[k].copy(), *carp[k + 1 :]]
+        rows = np.flatnonzero((cv2.absdiff(carp[k], tank) > 40).any(axis=1))
+        cut = int(rows[0] + 0.6 * np.ptp(rows))
+        carp[k][cut:] = tank[cut:]
+    assert faults(tmp_path, carp) == {"parts"}
 
 
 def test_a_film_that_was_coded_too_small_is_coded_badly(tmp_path, carp):
@@ -155,6 +167,21 @@ def test_jumps_of_a_heading_are_counted_whichever_way_it_points(turned_deg):
 def test_between_tracks_no_heading_jumps():
     assert measure_heading_jumps(headings([0.0, 0.0], [180.0, 180.0])) == 0
     assert np.isnan(measure_heading_jumps(headings([0.0], [180.0])))
+
+
+def test_an_area_jumps_if_it_is_off_for_a_frame_or_two():
+    frame = np.arange(40)
+    grown = 100 * 1.04**frame  # as an animal that comes nearer
+    off = grown.copy()
+    off[[7, 8, 20]] *= [1.3, 1.3, 0.8]
+    track = np.repeat([0, 1], 40)
+    both = np.concatenate([grown, off])
+    shuffled = np.random.default_rng(0).permutation(80)
+    jumps = measure_area_jumps(track[shuffled], np.tile(frame, 2)[shuffled], both[shuffled])
+    assert jumps == pytest.approx(100 * 3 / 72)
+    assert measure_area_jumps(np.zeros(40, int), frame, grown) == 0
+    assert np.isnan(measure_area_jumps(np.zeros(40, int), 2 * frame, off))
+    assert np.isnan(measure_area_jumps(np.arange(3), frame[:3], off[:3]))
 
 
 @pytest.mark.parametrize("contrast", [40.0, 200.0])

@@ -1,17 +1,47 @@
 """The verdict on the animals of a film: whether they are large, sharp and clear of the border."""
 
 from collections.abc import Iterator, Mapping
+from math import isnan
 
+import numpy as np
+
+from finloop.base.arrays import Floats, Ints
 from finloop.base.finding import Finding
 
 # Values from which something is a fault.
 SHORT_PX = 35.0  # body length; of 40 px, headings of a drawn carp are off by 1.4°, of 60 by 0.8°
 EDGE_PCT = 8.0  # of the body length; sharp films have 1 to 6, small animals more
 BORDER_PCT = 10.0
+# Measured: carp, trout, sunfish 0, zebrafish 0.2; flies whose legs come and go 1.3, a mouse with
+# its tail 2.3, a dog and a person before a hedge 2.4.
+PARTS_PCT = 0.5
+
+_OFF = 0.1  # of the area; an animal that bends or turns changes more slowly
+_WINDOW = 5  # frames
+
+
+def measure_area_jumps(track: Ints, frame: Ints, area_px: Floats) -> float:
+    """Return in what percentage of the frames an animal's area is off by more than 10 %.
+
+    It is off from the median of five successive frames, the frame in their middle: parts of the
+    animal come or go for a moment. NaN if no track has five successive frames. track, frame, area
+    (rows,): of each silhouette of an animal, in any order.
+    """
+    order = np.lexsort((frame, track))
+    track, frame, area_px = track[order], frame[order], area_px[order]
+    if len(track) < _WINDOW:
+        return float("nan")
+    last = _WINDOW - 1
+    whole = (track[last:] == track[:-last]) & (frame[last:] - frame[:-last] == last)
+    areas = np.lib.stride_tricks.sliding_window_view(area_px, _WINDOW)[whole]
+    if not len(areas):
+        return float("nan")
+    usual = np.median(areas, axis=1)
+    return float(100 * (np.abs(areas[:, _WINDOW // 2] - usual) > _OFF * usual).mean())
 
 
 def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
-    """Yield the findings on the size, the outlines and the place of the animals.
+    """Yield the findings on the size, the outlines, the place and the parts of the animals.
 
     metrics: of the stage `extract`, by name.
     """
@@ -35,3 +65,12 @@ def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
         f"{share_pct:.0f} % of the silhouettes are cut off by the edge of the picture or arena.",
         "Film from farther away, so that the whole tank is seen; or give a larger clip.arena.",
     )  # fmt: skip
+    jumps_pct = metrics["area_jumps_pct"]
+    if not isnan(jumps_pct):
+        yield Finding(
+            "parts", jumps_pct < PARTS_PCT,
+            f"The area of an animal jumps by more than 10 % for a moment in {jumps_pct:.1f} % of "
+            "the frames.",
+            "Parts come and go, such as legs, fins or a tail: light them, take a floor of one "
+            "brightness, or keep thin parts (extract.thin=keep).",
+        )  # fmt: skip

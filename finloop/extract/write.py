@@ -4,6 +4,7 @@ It connects the package `extract` to files, for the stage `extract` and the libr
 """
 
 import math
+from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -27,6 +28,7 @@ from finloop.extract.load_given import (
 from finloop.extract.samples import TypicalFish, Verdict, measure_scene_and_fish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.extract.verdict import measure_area_jumps
 from finloop.io.atomic import require_free_space
 from finloop.io.cutouts import compressed_size, tracks_writer
 from finloop.io.picture import save_picture
@@ -54,13 +56,15 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 class Extraction(NamedTuple):
     """The results of a clip: facts, how many silhouettes got each verdict, how long tracks are.
 
-    lengths: frames by track. given: outcomes of another program's places; empty without such
-    tracks. lost: numbers of the frames that could not be decoded.
+    lengths: frames by track. area_jumps_pct: see `measure_area_jumps`. given: outcomes of another
+    program's places; empty without such tracks. lost: numbers of the frames that could not be
+    decoded.
     """
 
     scene: SceneFacts
     verdicts: Counter[Verdict]
     lengths: Counter[int]
+    area_jumps_pct: float
     given: dict[str, float]
     lost: list[int]
 
@@ -88,6 +92,7 @@ def extract_tracks(
     stream = _open_stream(clip, facts, pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
+    track_ids, frames, areas = array("i"), array("i"), array("f")  # of every fish in every frame
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         """Yield the fish of long tracks, frame by frame, and count them."""
@@ -102,6 +107,9 @@ def extract_tracks(
         for frame_verdicts, fish in tracked:
             verdicts.update(frame_verdicts)
             lengths.update(f.track_id for f in fish)
+            track_ids.extend(f.track_id for f in fish)
+            frames.extend(f.frame for f in fish)
+            areas.extend(f.fish.area_px for f in fish)
             advance()
             yield fish
 
@@ -117,7 +125,8 @@ def extract_tracks(
     if external_tracks and linker and agreement:
         save_external_tracks(folder, external_tracks, p.points)
         external_metrics = linker.metrics(agreement)
-    return Extraction(scene_facts, verdicts, lengths, external_metrics, lost)
+    jumps_pct = measure_area_jumps(*map(np.array, (track_ids, frames, areas)))
+    return Extraction(scene_facts, verdicts, lengths, jumps_pct, external_metrics, lost)
 
 
 def _open_stream(clip: Path, facts: VideoFacts, pieces: Pieces | None) -> film.ClipStream:

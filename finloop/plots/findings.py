@@ -30,7 +30,9 @@ _CAPTIONS = {  # of pictures of an animal
     "border": "What is cut off",
     "black": "What is plain black",
     "white": "What is plain white",
-    **dict.fromkeys(("size", "sharpness", "contrast", "coding"), "What counts as an animal"),
+    **dict.fromkeys(
+        ("size", "sharpness", "contrast", "coding", "parts"), "What counts as an animal"
+    ),
 }
 
 
