@@ -229,6 +229,48 @@ def test_lottie_keeps_layers_and_vertices(tmp_path):
             np.testing.assert_array_equal(value["v"], points)
 
 
+def lottie_items(tmp_path, paints):
+    """The items that paint a ring in a Lottie file, by type; paints: of its first and last frame."""
+    shares = np.linspace(0, 1, FRAMES)
+    morph = replace(
+        a_morph(), styles={"ring": tuple(mix_paints(*paints, share) for share in shares)}
+    )
+    told = json.loads(save_morph(tmp_path, ".lottie.json", morph).read_text())
+    ring_layer = next(layer for layer in told["layers"] if layer["nm"] == "ring")
+    return [
+        item for item in ring_layer["shapes"][0]["it"] if item["ty"] in ("st", "gs", "fl", "gf")
+    ]
+
+
+def test_the_focus_of_a_rotated_gradient_in_lottie(tmp_path):
+    stops = (Stop(0, (255, 0, 0), 1), Stop(1, (0, 0, 255), 1))
+    turned = Gradient("radial", stops, (0, 10, -10, 0, 50, 40), focus=(0.5, 0))  # down the page
+    (item,) = lottie_items(tmp_path, [Paint(turned, None, 1, 1, 1)] * 2)
+    assert (item["h"]["k"], item["a"]["k"]) == (pytest.approx(50), pytest.approx(90))
+
+
+def test_ends_of_dashes_change_in_lottie(tmp_path):
+    """A player takes the ends from the first frame, so each kind of them is a stroke of its own."""
+    straight = replace(RED, stroke=(0, 0, 0), dashes=(6, 3))
+    items = lottie_items(tmp_path, (straight, replace(straight, round_dashes=True)))
+    strokes = [item for item in items if item["ty"] == "st"]
+    assert [item["lc"] for item in strokes] == [1, 2]
+    first, last = ([key["s"] for key in item["o"]["k"]] for item in strokes)
+    assert (first[0], last[0]) == ([100], [0]) and (first[-1], last[-1]) == ([0], [100])
+
+
+def test_what_lottie_cannot_show_is_named(tmp_path):
+    stops = (Stop(0, (255, 0, 0), 1), Stop(1, (0, 0, 255), 1))
+    mirrored = Gradient("linear", stops, (9, 0, 0, 9, 0, 0), spread="reflect")
+    flat = Gradient("radial", stops, (9, 0, 0, 3, 50, 40))
+    morph = replace(a_morph(), styles={"ring": (Paint(mirrored, flat, 1, 1, 1),) * FRAMES})
+    lost = save_animation(tmp_path / "a.lottie.json", morph, Fraction(30))
+    assert "gradients that repeat or reflect end (ring)" in lost
+    assert "gradients along ellipses are circles (ring)" in lost
+    assert not save_animation(tmp_path / "a.svg", morph, Fraction(30))
+    assert not save_animation(tmp_path / "a.lottie.json", a_morph(), Fraction(30))
+
+
 # --- films
 
 

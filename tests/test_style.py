@@ -163,3 +163,16 @@ def test_paints_are_scaled_with_their_drawing():
     (paint,) = fit_drawing(drawing(SQUARE, gradient), 300, 200).styles.values()
     assert paint.fill.matrix == (60, 0, 0, 20, 130, 80)
     assert (paint.width, paint.dashes, paint.dash_offset) == (4, (12, 6), 8)
+
+
+def test_a_hard_edge_stays_hard_between_gradients_of_different_stops():
+    hard = replace(
+        LINEAR, stops=(Stop(0, RED, 1), Stop(0.5, RED, 1), Stop(0.5, BLUE, 1), Stop(1, BLUE, 1))
+    )
+    flat = replace(LINEAR, stops=(Stop(0, WHITE, 1), Stop(1, WHITE, 1)))
+    for share in (0.0, 0.5):
+        mixed = mix_paints(fill_paint(hard), fill_paint(flat), share).fill
+        before, after = colours_at(mixed, np.array([0.499, 0.501]))[:, :3]
+        ends = colours_at(mixed, np.array([0.0, 1.0]))[:, :3]
+        np.testing.assert_allclose([before, after], ends, atol=2)
+        assert abs(before - after).max() > 60

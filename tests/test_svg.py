@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 from finloop.base.errors import FinloopError
 from finloop.base.style import colours_at, gradient_offsets
 from finloop.curve.contour import signed_area
-from finloop.io.svg import FLATNESS, MOST_BYTES, MOST_DRAWN, MOST_NESTED, load_svg
+from finloop.io.svg import FLATNESS, load_svg
+from finloop.io.svg_safe import MOST_BYTES, MOST_DRAWN
+from finloop.io.svg_style import MOST_NESTED
 
 SIDE = 100
 CODE = (".py", ".pyc", ".so")
@@ -281,6 +283,148 @@ def test_styles(tmp_path):
     assert styles["wide"].width == pytest.approx(6)
     assert styles["thin"].fill_opacity == pytest.approx(0.5 * 0.5 * 0.8 * 0.4, abs=0.002)
     assert "bare" not in styles
+
+
+P = 'd="M0 0H9V9z"'
+
+
+@pytest.mark.parametrize(
+    ("body", "fill", "opacity"),
+    [
+        (f'<path fill="red" fill-opacity="50%" {P}/>', (255, 0, 0), 0.5),
+        (f'<path fill="rgba(255,0,0,.5)" fill-opacity=".5" {P}/>', (255, 0, 0), 0.25),
+        (f'<path fill="hsl(120 100% 50% / 50%)" {P}/>', (0, 255, 0), 0.5),
+        (f'<path fill="hwb(240 0% 0%)" {P}/>', (0, 0, 255), 1),
+        (f'<path fill="oklch(0.628 0.2577 29.23)" {P}/>', (255, 0, 0), 1),
+        (f'<style>.a{{fill:blue!important}}</style><path class="a" style="fill:red" {P}/>', (0, 0, 255), 1),
+        (f'<style>g .a{{fill:blue}}#p{{fill:lime}}.a{{fill:red}}</style><g><path id="p" class="a" {P}/></g>', (0, 255, 0), 1),
+        (f'<style>g&gt;path{{fill:blue}}path{{fill:red}}</style><g><path {P}/></g>', (0, 0, 255), 1),
+        (f'<style>svg{{--c:var(--d);--d:red}}</style><path fill="var(--c)" {P}/>', (255, 0, 0), 1),
+        (f'<path style="fill:var(--none, rgb(0 0 255 / .5))" {P}/>', (0, 0, 255), 0.5),
+        (f'<g fill="red"><path style="fill:inherit" {P}/></g>', (255, 0, 0), 1),
+        (f'<g opacity=".5"><path opacity="inherit" fill="red" {P}/></g>', (255, 0, 0), 0.25),
+        (f'<g fill="red"><path style="fill:initial" {P}/></g>', (0, 0, 0), 1),
+        (f'<g color="lime"><path fill="currentColor" {P}/></g>', (0, 255, 0), 1),
+        (f'<defs><path id="s" fill="currentColor" {P}/></defs><g color="lime"><use href="#s"/></g>', (0, 255, 0), 1),
+    ],
+)  # fmt: skip
+def test_colours_as_style_sheets_state_them(tmp_path, body, fill, opacity):
+    (paint,) = load(tmp_path, body).styles.values()
+    assert (paint.fill, paint.fill_opacity) == (fill, pytest.approx(opacity))
+
+
+@pytest.mark.parametrize(
+    ("attribute", "said"),
+    [
+        ('fill="rde"', "fill: rde ('a')"),
+        ('stroke="var(--no)"', "stroke: var(--no) ('a')"),
+        ('fill="lab(50% 0 0)"', "fill: lab(50% 0 0) ('a')"),
+        ('opacity="abc"', "opacity: abc ('a')"),
+        ('fill-opacity="nan"', "fill-opacity: nan ('a')"),
+        ('stroke="red" stroke-width="-3"', "stroke-width: -3 ('a')"),
+        ('stroke="red" stroke-width="1e999"', "stroke-width: 1e999 ('a')"),
+        ('stroke="red" stroke-width="3parsec"', "stroke-width: 3parsec ('a')"),
+        ('stroke="red" stroke-dasharray="4 inf"', "stroke-dasharray: inf ('a')"),
+        ('transform="translate(1e999)"', "transform: translate(1e999) ('a')"),
+        ('transform="rotat(30)"', "transform: rotat(30) ('a')"),
+        ('style="mix-blend-mode:multiply"', "a blend mode ('a')"),
+        ('paint-order="stroke"', "a line below its fill ('a')"),
+        ('transform="scale(2)" style="transform-origin:50% 50%"', "a transform about a point of its own ('a')"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_refused_by_name(tmp_path, attribute, said):
+    with pytest.raises(FinloopError) as error:
+        load(tmp_path, f'<path id="a" {attribute} {P}/>')
+    assert said in error.value.came
+
+
+def test_the_root_counts_like_any_group(tmp_path):
+    path = f'<filter id="f"/><path id="a" {P}/>'
+    (paint,) = load(tmp_path, path, 'viewBox="0 0 9 9" opacity=".5"').styles.values()
+    assert paint.fill_opacity == 0.5
+    for attribute, said in (
+        ("filter", "a filter"),
+        ("clip-path", "a clip path"),
+        ("mask", "a mask"),
+    ):
+        with pytest.raises(FinloopError, match=said):
+            load(tmp_path, path, f'viewBox="0 0 9 9" {attribute}="url(#f)"')
+
+
+def test_a_symbol_has_the_size_that_its_use_gives_it(tmp_path):
+    drawing = load(
+        tmp_path,
+        '<symbol id="s" viewBox="0 0 10 10"><rect width="10" height="50%"/></symbol>'
+        '<use id="small" href="#s" x="5" width="20" height="40"/><use id="whole" href="#s"/>'
+        '<svg x="10" y="20" width="50%" height="50" viewBox="0 0 10 10"><path id="in" d="M0 0H10V10z"/></svg>',
+    )
+    corners = {
+        name: np.ptp(curve.points, axis=0).tolist() for name, curve in drawing.curves.items()
+    }
+    assert corners == {"small": [20, 10], "whole": [100, 50], "in": [50, 50]}
+    assert drawing.curves["small"].points.min(axis=0).tolist() == [5, 10]  # in its middle
+    assert drawing.curves["in"].points[0].tolist() == [10, 20]
+
+
+def test_gradients_in_hidden_groups_and_their_stops_by_id(tmp_path):
+    body = (
+        '<g style="display:none"><linearGradient id="g" color="red"><stop id="first"/>'
+        '<stop offset="1" stop-color="currentColor"/></linearGradient></g>'
+        f'<style>#first{{stop-color:lime;stop-opacity:25%}}</style><path fill="url(#g)" {P}/>'
+    )
+    (paint,) = load(tmp_path, body).styles.values()
+    assert [tuple(stop) for stop in paint.fill.stops] == [
+        (0, (0, 255, 0), 0.25),
+        (1, (255, 0, 0), 1),
+    ]
+
+
+def test_shapes_without_a_size_and_lines_without_a_width_are_not_drawn(tmp_path):
+    body = '<rect id="r"/><rect width="9"/><circle/><ellipse rx="3" ry="0"/><path/><path d=""/>'
+    drawing = load(tmp_path, body + f'<path id="a" stroke="red" stroke-width="0" {P}/>')
+    assert list(drawing.curves) == ["a"] and drawing.styles["a"].stroke is None
+
+
+def test_names_of_paths_with_holes_and_of_illustrator(tmp_path):
+    holed = '<path d="M0 0H9V9zM2 1H3V2z"/>'
+    drawing = load(tmp_path, f'<g id="word">{holed}{holed}</g><path id="d_x23_2" {P}/>')
+    assert list(drawing.curves) == ["word", "word#2", "word-2", "word-2#2", "d#2"]
+
+
+VARIABLES = "".join(f"--v{k}:" + f"var(--v{k + 1})" * 30 + ";" for k in range(40))
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (f"<style>{'a' * 60_000}{{}}</style><path {P}/>", None),
+        (f'<path {P} transform="{"rotate(" * 60_000}"/>', "transform: rotate("),
+        (
+            f"<style>{'x y z{a:b}' * 6000}</style>{'<g>' * 60}<path {P}/>{'</g>' * 60}",
+            "too many rules",
+        ),
+        (f"<style>path~path{{fill:red}}</style><path {P}/>", "a style rule for 'path~path'"),
+        (
+            f"<style>*{{{VARIABLES}fill:var(--v0)}}</style><path {P}/>",
+            "of more than 4096 characters",
+        ),
+        (f'<path {P} fill="{"rgb(" * 50_000}"/>', "fill: rgb("),
+        (f"<style>*{{fill:{'(' * 50_000}}}</style><path {P}/>", "cannot be understood"),
+        (
+            f'<path style="{";".join(f"--a{k}:b" for k in range(60_000))}" {P}/>',
+            "style attributes of",
+        ),
+    ],
+)
+def test_styles_that_once_took_minutes_are_read_or_refused_at_once(tmp_path, body, said):
+    """Work grew with the square of their length, or with the power of their depth."""
+    path = put(tmp_path, body)
+    if said is None:
+        assert list(load_svg(path).curves) == ["contour"]
+        return
+    with pytest.raises(FinloopError) as error:
+        load_svg(path)
+    assert said in error.value.came
 
 
 @pytest.mark.parametrize(

@@ -192,8 +192,7 @@ def _mix_gradients(a: Gradient, b: Gradient, share: float) -> Gradient:
     """
     stops_a, stops_b = a.stops, b.stops
     if len(stops_a) != len(stops_b):
-        offsets = sorted({stop.offset for stop in (*stops_a, *stops_b)})
-        stops_a, stops_b = (_stops_at(gradient, offsets) for gradient in (a, b))
+        stops_a, stops_b = _stops_at_those_of(a, b), _stops_at_those_of(b, a)
     stops = tuple(
         Stop(
             _mix(one.offset, other.offset, share),
@@ -208,13 +207,21 @@ def _mix_gradients(a: Gradient, b: Gradient, share: float) -> Gradient:
     return Gradient(a.kind, stops, _to_matrix(matrix), focus, spread)
 
 
-def _stops_at(gradient: Gradient, offsets: list[float]) -> tuple[Stop, ...]:
-    """Return stops at other offsets that show the same gradient, if its own are among them."""
-    rgba = colours_at(gradient, np.array(offsets))
-    return tuple(
-        Stop(offset, (round(red), round(green), round(blue)), opacity)
-        for offset, (red, green, blue, opacity) in zip(offsets, rgba.tolist(), strict=True)
-    )
+def _stops_at_those_of(gradient: Gradient, other: Gradient) -> tuple[Stop, ...]:
+    """Return stops that show a gradient, at its own offsets and at those of another one.
+
+    Where one of them has a hard edge, two stops at one offset, there are two: before and after it.
+    """
+    offsets = [[stop.offset for stop in one.stops] for one in (gradient, other)]
+    stops = list[Stop]()
+    for offset in sorted({*offsets[0], *offsets[1]}):
+        own = [stop for stop in gradient.stops if stop.offset == offset]
+        if not own:
+            red, green, blue, opacity = colours_at(gradient, np.array(offset)).tolist()
+            own = [Stop(offset, (round(red), round(green), round(blue)), opacity)]
+        is_edge = max(one.count(offset) for one in offsets) > 1
+        stops += [own[0], own[-1]] if is_edge else own
+    return tuple(stops)
 
 
 def colours_at(gradient: Gradient, offsets: Points) -> Points:

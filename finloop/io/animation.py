@@ -32,6 +32,7 @@ CRF = 18  # quality of MP4, 0 = best
 EFFORT = 50  # of making WebP small, 0 … 100
 SLOWEST, FASTEST = 0.1, 1000  # frames per second: the limits of a film's clock
 LARGEST_PX = 2048
+ROUND = 1.01  # longer to shorter half axis of an ellipse that counts as a circle
 Json = dict[str, Any]
 
 
@@ -136,16 +137,21 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
     save_bytes(path, "\n".join([*lines, "</g>", "</svg>", ""]).encode())
 
 
-def _split_by_kind(paints: list[Paint]) -> list[tuple[list[Paint], NDArray[np.bool_]]]:
+def _split_by_kind(
+    paints: list[Paint], by_ends: bool = False
+) -> list[tuple[list[Paint], NDArray[np.bool_]]]:
     """Split the paints of a shape by the kinds of their gradients, which cannot change in a player.
 
-    For each kind, return a paint for every frame, from the nearest frame of the kind, and in which
-    frames (f,) the kind is shown.
+    by_ends: whether also by the ends of their dashes. For each kind, return a paint for every
+    frame, from the nearest frame of the kind, and in which frames (f,) the kind is shown.
     """
     kinds = [
-        tuple(
-            fill.kind if isinstance(fill, Gradient) else "colour"
-            for fill in (paint.fill, paint.stroke)
+        (
+            *(
+                fill.kind if isinstance(fill, Gradient) else "colour"
+                for fill in (paint.fill, paint.stroke)
+            ),
+            by_ends and bool(paint.dashes) and not paint.round_dashes,
         )
         for paint in paints
     ]
@@ -266,8 +272,8 @@ def _svg_gradient(gradients: list[Gradient], clock: _SvgClock, name: str) -> str
 # --- Lottie (version 5.7), the vector animation of apps and web pages
 
 
-def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
-    """Write a morph as Lottie JSON, with a layer for each shape and a keyframe for each frame.
+def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> str:
+    """Write a morph as Lottie JSON, with a layer a shape and a key frame a frame; say what is lost.
 
     The topmost shape is first. Players interpolate linearly between keyframes. frame_rate: frames
     per second. longer_side_px is not used: the picture is scalable.
@@ -281,6 +287,7 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px:
         "w": ceil(morph.width), "h": ceil(morph.height), "nm": "morph", "ddd": 0, "assets": [],
         "layers": layers,
     })  # fmt: skip
+    return _lottie_losses(morph)
 
 
 def _lottie_layer(morph: Morph, frames: list[Shape], index: int) -> Json:
@@ -329,7 +336,7 @@ def _lottie_paints(paints: list[Paint]) -> list[Json]:
     """
     items: list[Json] = []
     for key, letter in (("stroke", "s"), ("fill", "f")):
-        for kind_paints, is_shown in _split_by_kind(paints):
+        for kind_paints, is_shown in _split_by_kind(paints, by_ends=key == "stroke"):
             fills: list[Fill] = [getattr(paint, key) for paint in kind_paints]
             if fills[0] is None:
                 continue
@@ -363,7 +370,7 @@ def _lottie_line(paints: list[Paint]) -> Json:
         for k, lengths in enumerate(zip(*(paint.dashes for paint in paints), strict=True))
     ]
     offset = {"n": "o", "v": _lottie_values([paint.dash_offset for paint in paints])}
-    return line | {"d": [*dashes, offset], "lc": 2 if paints[0].round_dashes else 1}
+    return line | {"d": [*dashes, offset], "lc": 2 if dashed.round_dashes else 1}
 
 
 def _lottie_gradient(gradients: list[Gradient]) -> Json:
@@ -391,10 +398,37 @@ def _lottie_gradient(gradients: list[Gradient]) -> Json:
         "g": {"p": len(gradients[0].stops), "k": _lottie_values(stops)},
     }
     if gradients[0].kind == "radial":
-        focus = [gradient.focus for gradient in gradients]
-        item["h"] = _lottie_values([100 * float(np.hypot(*place)) for place in focus])
+        # Length in per cent of the radius, and angle against start → end, which runs to the right.
+        focus = [
+            np.array(gradient.focus) @ np.reshape(gradient.matrix, (3, 2))[:2]
+            for gradient in gradients
+        ]
+        radii = [max(end[0] - start[0], 1e-300) for start, end in zip(starts, ends, strict=True)]
+        item["h"] = _lottie_values([
+            min(99.0, 100 * float(np.hypot(*place)) / radius)
+            for place, radius in zip(focus, radii, strict=True)
+        ])  # fmt: skip
         item["a"] = _lottie_values([float(np.degrees(np.arctan2(y, x))) for x, y in focus])
     return item
+
+
+def _lottie_losses(morph: Morph) -> str:
+    """Return in words what of a morph Lottie cannot hold, "" if nothing."""
+    lost = dict[str, list[str]]()
+    for name, paints in morph.styles.items():
+        for fill in {fill for paint in paints for fill in (paint.fill, paint.stroke)}:
+            if isinstance(fill, Gradient):
+                rows = np.reshape(fill.matrix, (3, 2))[:2]
+                stretch = np.linalg.svd(rows, compute_uv=False)
+                if fill.spread != "pad":
+                    lost.setdefault("gradients that repeat or reflect end", []).append(name)
+                if fill.kind == "radial" and stretch[0] > ROUND * stretch[1]:
+                    lost.setdefault("gradients along ellipses are circles", []).append(name)
+    several = {what: list(dict.fromkeys(names)) for what, names in lost.items()}
+    return "; ".join(
+        f"in Lottie, {what} ({', '.join(names[:3])}{' …' * (len(names) > 3)})"
+        for what, names in several.items()
+    )
 
 
 def _lottie_values(values: list[Any]) -> Json:

@@ -1,26 +1,22 @@
 """Read SVG drawings: every path command, basic shapes, transforms, groups, `use`, viewBox, styles.
 
-svgelements reads the geometry and applies style sheets; gradients are read here. Curved pieces
-become polylines that stay within FLATNESS of them. A path of several contours gives a layer for
-each: `d`, `d#2`, `d#3` …; no XML id contains "#".
+svgelements reads the geometry of paths, `io.svg_style` styles; elements are followed here. Curved
+pieces become polylines that stay within FLATNESS of them. A path of several contours gives a layer
+for each: `d`, `d#2`, `d#3` …
 
-A file may come from anybody, so it is read only if it is small, shallow and needs no other file.
-Nothing is ever fetched. An entity may stand for a million others and a `use` for a million shapes:
-entities are refused, and the shapes of `use` are counted before they are drawn. What would change
-the picture and is no contour, such as a clip path, is refused by name.
+`io.svg_safe` says which files are read. What would change the picture and is no contour, such as a
+clip path, is refused by name, and so is a value that cannot be read.
 """
 
-import io
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import count, pairwise
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, NoReturn, cast
+from typing import Any, Literal, NamedTuple, cast
 from xml.etree import ElementTree
-from xml.parsers import expat
 
 import numpy as np
 import svgelements as svg
@@ -29,40 +25,58 @@ from finloop.base.arrays import Points
 from finloop.base.drawing import LARGEST, Curve, Drawing, clean_curve
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
-from finloop.base.style import Colour, Fill, Gradient, Paint, Stop
+from finloop.base.style import Fill, Gradient, Paint, Stop
+from finloop.io.svg_safe import load_safe_tree, read_href, use_target
+from finloop.io.svg_style import (
+    UnreadableValueError,
+    Values,
+    declare_styles,
+    inherit_values,
+    local_name,
+    read_colour,
+    read_length,
+    read_opacity,
+)
 
 FLATNESS = 1e-4  # share of the larger side of the drawing
 MOST_CONTOURS = 1000
-MOST_BYTES = 4 * 2**20
-MOST_DRAWN = 2**19
-"""Characters of geometry, counted each time a `use` shows it; so many take five seconds to read."""
 
-MOST_NESTED = 64
-MOST_STYLE = 2**16  # characters of style sheets; each is compared with every element
-
-_ELEMENT = 100  # characters that an element counts for beside its geometry
-_GEOMETRY = ("d", "points", "transform")
-_SVG = "{http://www.w3.org/2000/svg}"
-_HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
-# Nothing of these is a contour of its own.
-_NO_CONTOURS = {
-    *("image", "script", "foreignObject", "metadata", "animate", "filter"),
-    *("marker", "mask", "clipPath"),
-}
+_GROUPS = ("svg", "g", "a")
+_SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
 _GRADIENTS = ("linearGradient", "radialGradient")
-# What changes how a shape looks and is no contour, by attribute: its name, and what to do.
+
+
+class _Refused(NamedTuple):
+    """What changes how a shape looks and is no contour."""
+
+    what: str
+    do: str
+    harmless: tuple[str, ...] = ("none",)  # values that change nothing
+
+
 _REFUSED = {
-    "clip-path": ("a clip path", "release clip paths, or cut the shapes with them"),
-    "mask": ("a mask", "release masks, or cut the shapes with them"),
-    "filter": ("a filter", "remove filters, such as blur and shadow"),
-    "pattern": ("a pattern", "fill with colours or gradients in place of patterns"),
-    "marker": ("a marker", "turn markers, such as arrow heads, into paths"),
-    "text": ("text", "turn text into paths"),
-}
+    "clip-path": _Refused("a clip path", "release clip paths, or cut the shapes with them"),
+    "mask": _Refused("a mask", "release masks, or cut the shapes with them"),
+    "filter": _Refused("a filter", "remove filters, such as blur and shadow"),
+    "mix-blend-mode": _Refused("a blend mode", "set the blend mode to normal", ("normal",)),
+    "paint-order": _Refused(
+        "a line below its fill", "set the paint order to fill, stroke",
+        ("normal", "fill", "fill stroke", "fill stroke markers", "fill markers",
+         "fill markers stroke", "markers fill stroke"),
+    ),
+    "transform-origin": _Refused(
+        "a transform about a point of its own", "apply transforms", ("0", "0 0", "0px 0px", "0% 0%")
+    ),
+    "pattern": _Refused("a pattern", "fill with colours or gradients in place of patterns"),
+    "marker": _Refused("a marker", "turn markers, such as arrow heads, into paths"),
+    "text": _Refused("text", "turn text into paths"),
+}  # fmt: skip
+_MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 _RECT = ("x", "y", "width", "height")
 _NO_IDLE_CLIP = {"transform", "clipPathUnits", "rx", "ry"}
-_MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
-_PPI = 96  # px in an inch
+_TRANSFORM = re.compile(
+    r"[\s,]*+(?:(?:matrix|translate[XY]?|scale[XY]?|rotate|skew[XY]?)\s*+\([^()]*+\)[\s,]*+)*+"
+)
 _MOST_PIECES = 500  # pieces of one curved segment
 _MOST_PARTS = 64  # stops of a gradient, and lengths of a dashed line
 _NEAREST_FOCUS = 0.99  # radii from the centre of a gradient to its focus
@@ -70,34 +84,43 @@ _NEAREST_FOCUS = 0.99  # radii from the centre of a gradient to its focus
 _MISREAD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
 
 
+class _Surroundings(NamedTuple):
+    """What an element gets from those around it."""
+
+    name: str  # for shapes without an id
+    groups: tuple[str, ...]  # ids of the groups around it, the nearest first
+    values: Values  # of the properties
+    matrix: Any  # svg.Matrix, to px of the picture
+    size: tuple[float, float]  # of the viewport, what lengths in per cent refer to
+    opacity: float = 1.0
+    refused: frozenset[str] = frozenset()  # keys of `_REFUSED`
+    is_used: bool = False  # whether a `use` shows it: ids are not its own then
+    is_moved: bool = False  # whether a transform moves it
+
+
 class _Shown(NamedTuple):
-    """A shape that a drawing shows, and what the groups around it say of it."""
+    """A shape that a drawing shows."""
 
     name: str
     name_is_id: bool  # whether the name is its XML id, which must not change
-    shape: Any  # as svgelements reads it
-    groups: tuple[str, ...]  # ids of the groups around it, the nearest first
-    opacity: float  # of it and all groups around it, 0 … 1
-    refused: frozenset[str]  # keys of `_REFUSED`
-
-
-class _Contour(NamedTuple):
-    """A contour that a drawing shows."""
-
-    name: str
-    name_is_id: bool  # whether the name is its XML id, which must not change
-    curve: Curve
-    groups: tuple[str, ...]  # ids of the groups around it, the nearest first
-    paint: Paint | None  # None if nothing paints it
+    group: _Surroundings  # with its own values, matrix, opacity
+    element: ElementTree.Element
 
 
 @dataclass(frozen=True)
-class _Servers:
-    """What fills may refer to: elements by id, such as gradients; and how styles apply to stops."""
+class _Document:
+    """An SVG's elements: what they state, by ids, and what is around them."""
 
-    elements: Mapping[str, ElementTree.Element]
-    values: Mapping[str, Any]  # of stops, after style sheets, by id
-    size: tuple[float, float]  # width and height of the picture, in units of its viewBox
+    path: Path
+    declared: Mapping[ElementTree.Element, Values]
+    by_id: Mapping[str, ElementTree.Element]  # "" for those without one
+    parents: Mapping[ElementTree.Element, ElementTree.Element]
+    idle_clips: frozenset[str]  # ids of clip paths that are the whole picture
+
+    def find_server(self, text: str) -> tuple[str, ElementTree.Element | None] | None:
+        """Return the id that a fill refers to, `url(#id)`, and its element; None for a colour."""
+        target = _fill_target(text)
+        return None if target is None else (target, self.by_id.get(target) if target else None)
 
 
 def load_svg(path: Path) -> Drawing:
@@ -106,41 +129,54 @@ def load_svg(path: Path) -> Drawing:
     A contour without an id takes that of the nearest group or `use` around it, else "contour"; if
     several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is
     no SVG that may be read, has no contour, an invalid one (see `clean_curve`), two with one id, or
-    shows anything of `_REFUSED`.
+    shows anything of `_REFUSED` or a value that cannot be read.
     """
-    tree = _load_safe_tree(path)
+    root = load_safe_tree(path)
+    problems = _Problems(path)
     try:
-        source = io.BytesIO(ElementTree.tostring(tree))
-        picture = svg.SVG.parse(source, reify=False, on_error="raise")
-        if not isinstance(picture, svg.SVG):
-            picture = svg.SVG()
-        shown = list(_shown_shapes(picture))
-        _refuse_parts(path, tree, shown)
-        contours = list(_shown_contours(picture, shown, _find_servers(tree, picture)))
+        document = _Document(
+            path,
+            declare_styles(path, root),
+            {element.get("id", ""): element for element in reversed(list(root.iter()))},
+            {child: parent for parent in root.iter() for child in parent},
+            frozenset(_find_idle_clips(root)),
+        )
+        size, top = _open_picture(root)
+        shown = list(_shown_shapes(document, root, top, problems))
+        problems.look_at(document, shown)
+        tolerance_px = FLATNESS * max(size)
+        by_name = dict[str, tuple[Curve, Paint | None, tuple[str, ...]]]()
+        for name, item in zip(_unique_names(path, shown), shown, strict=True):
+            with problems.collect(name):
+                for number, (curve, paint) in enumerate(
+                    _read_contours(document, item, tolerance_px), start=1
+                ):
+                    part = f"{name}{PART}{number}" if number > 1 else name
+                    by_name[part] = curve, paint, item.group.groups
     except _MISREAD as error:
         raise FinloopError(
             f"{path} cannot be understood ({error!r})",
             "an SVG whose paths and transforms follow the standard",
             "open it in a drawing program and save it as plain SVG",
         ) from error
-    if not contours:
+    problems.raise_all()
+    if not by_name:
         raise FinloopError(
             f"{path} has no contour",
             "at least one path or shape that is shown; pictures do not count",
             "trace pictures, and show hidden layers",
         )
-    if len(contours) > MOST_CONTOURS:
+    if len(by_name) > MOST_CONTOURS:
         raise FinloopError(
-            f"{path} has {len(contours)} contours",
+            f"{path} has {len(by_name)} contours",
             f"at most {MOST_CONTOURS}",
             "save only the contours to be morphed",
         )
-    by_name = dict(zip(_unique_names(path, contours), contours, strict=True))
-    curves = {name: clean_curve(contour.curve, name) for name, contour in by_name.items()}
-    styles = {name: contour.paint for name, contour in by_name.items() if contour.paint}
-    groups = {name: contour.groups for name, contour in by_name.items() if contour.groups}
-    width, height = picture.width, picture.height
-    if not {"viewBox", "width", "height"} & tree.attrib.keys():  # the file states no size
+    curves = {name: clean_curve(curve, name) for name, (curve, _, _) in by_name.items()}
+    styles = {name: paint for name, (_, paint, _) in by_name.items() if paint}
+    groups = {name: around for name, (_, _, around) in by_name.items() if around}
+    width, height = size
+    if not {"viewBox", "width", "height"} & root.attrib.keys():  # the file states no size
         corner = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
         width, height = np.maximum(corner, 1)
     if not (0 < width <= LARGEST and 0 < height <= LARGEST):
@@ -152,66 +188,109 @@ def load_svg(path: Path) -> Drawing:
     return Drawing(curves, float(width), float(height), styles, groups)
 
 
+# --- what is refused
+
+
+class _Problems:
+    """What a drawing shows and cannot be read, all of it for one message."""
+
+    def __init__(self, path: Path) -> None:
+        """Begin without problems; path: of the file."""
+        self._path = path
+        self._names = dict[str, list[str]]()  # of shapes, by key of `_REFUSED`
+        self._unreadable = list[str]()
+        self._shape = ""
+
+    def collect(self, shape: str) -> "_Problems":
+        """Return a context in which unreadable values are those of a shape."""
+        self._shape = shape
+        return self
+
+    def __enter__(self) -> None:
+        """Begin with a shape."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        """Keep a value that cannot be read, and go on."""
+        if isinstance(error, UnreadableValueError):
+            self._unreadable.append(f"{error} ({self._shape!r})")
+            return True
+        return False
+
+    def look_at(self, document: _Document, shown: list[_Shown]) -> None:
+        """Find what of `_REFUSED` shapes show."""
+        for item in shown:
+            values, kinds = item.group.values, set(item.group.refused)
+            if any(values.get(key, "none") != "none" for key in _MARKERS):
+                kinds.add("marker")
+            servers = [document.find_server(values.get(key, "")) for key in ("fill", "stroke")]
+            if any(found and found[1] is not None and local_name(found[1]) == "pattern"
+                   for found in servers):  # fmt: skip
+                kinds.add("pattern")
+            for kind in kinds:
+                self._names.setdefault(kind, []).append(item.name)
+
+    def raise_all(self) -> None:
+        """Raise FinloopError if there is any problem."""
+        said, advice = list[str](), list[str]()
+        for kind, (what, do, _) in _REFUSED.items():
+            if names := list(dict.fromkeys(self._names.get(kind, []))):
+                few = ", ".join(map(repr, names[:3])) + (" …" if len(names) > 3 else "")
+                said.append(f"{what} ({few})")
+                advice.append(do)
+        if self._unreadable:
+            several = list(dict.fromkeys(self._unreadable))
+            said.append(
+                f"what cannot be read: {', '.join(several[:5])}" + " …" * (len(several) > 5)
+            )
+            advice.append("correct these values")
+        if said:
+            raise FinloopError(
+                f"{self._path} shows {', '.join(said)}",
+                "paths and shapes with colours, gradients, lines and dashes",
+                "; ".join(advice),
+            )
+
+
+def _find_idle_clips(root: ElementTree.Element) -> Iterator[str]:
+    """Yield the ids of clip paths that are the whole picture, as Figma and Illustrator write."""
+    box = root.get("viewBox") or f"0 0 {root.get('width')} {root.get('height')}"
+    for clip in (element for element in root.iter() if local_name(element) == "clipPath"):
+        rect = clip[0] if len(clip) == 1 and local_name(clip[0]) == "rect" else None
+        if rect is None or _NO_IDLE_CLIP & (clip.attrib.keys() | rect.keys()):
+            continue
+        with suppress(ValueError):
+            x, y, width, height = (float(rect.get(key, 0)) for key in _RECT)
+            left, top, across, down = map(float, re.split(r"[\s,]+", box.strip()))
+            is_covered = x <= left and y <= top
+            if is_covered and x + width >= left + across and y + height >= top + down:
+                yield clip.get("id", "")
+
+
 # --- names
 
 
-def _unique_names(path: Path, contours: list[_Contour]) -> list[str]:
-    """Return a unique name for each contour; names that are XML ids do not change.
+def _unique_names(path: Path, shown: list[_Shown]) -> list[str]:
+    """Return a unique name for each shape; names that are XML ids do not change.
 
     Of other names, the second and later ones get a number: eye, eye-2. path: of the file, for
-    messages. FinloopError if two contours have one id.
+    messages. FinloopError if two shapes have one id.
     """
-    ids = Counter(contour.name for contour in contours if contour.name_is_id)
+    ids = Counter(item.name for item in shown if item.name_is_id)
     if repeated := [name for name, count in ids.items() if count > 1]:
         raise FinloopError(
             f"{path} uses the id {repeated[0]!r} {ids[repeated[0]]} times",
             "an id of its own for every contour",
             "rename them: ids define which contours of two drawings belong together",
         )
-    unique_names, used = [], set(ids)
-    for contour in contours:
-        number, unique = 1, contour.name
-        while not contour.name_is_id and unique in used:
-            number += 1
-            unique = f"{contour.name}-{number}"
+    unique_names, used, numbers = list[str](), set(ids), Counter[str]()
+    for item in shown:
+        unique = item.name
+        while not item.name_is_id and unique in used:
+            numbers[item.name] += 1
+            unique = f"{item.name}-{numbers[item.name] + 1}"
         used.add(unique)
         unique_names.append(unique)
     return unique_names
-
-
-def _shown_shapes(picture: Any) -> Iterator[_Shown]:
-    """Yield every shape that a drawing shows; picture: the drawing as svgelements reads it.
-
-    A shape without an id of its own takes that of what is around it, else "contour".
-    """
-    top = _Shown("contour", False, picture, (), 1.0, frozenset())
-    for shown in _shapes_within(top):
-        if shown.shape.values.get("visibility") not in ("hidden", "collapse"):
-            yield shown
-
-
-def _shapes_within(group: _Shown) -> Iterator[_Shown]:
-    """Yield every shape in a group; group: as if it were a shape."""
-    for child in group.shape:
-        stated = child.values.get("attributes", {})  # without what groups around it state
-        child_id = _decode_id(child.id or "")
-        shown = _Shown(
-            child_id or group.name,
-            bool(child_id),
-            child,
-            group.groups,
-            group.opacity * _parse_opacity(stated.get("opacity")),
-            group.refused | {key for key in _REFUSED if stated.get(key, "none") != "none"},
-        )
-        within = shown._replace(groups=(child_id, *group.groups) if child_id else group.groups)
-        # A `use` shows shapes whose ids stand elsewhere in the file: those are not its own.
-        if isinstance(child, svg.Use):
-            for part in _shapes_within(within):
-                yield part._replace(name=child_id or part.name, name_is_id=False)
-        elif isinstance(child, svg.Shape) or "text" in shown.refused:
-            yield shown
-        elif isinstance(child, list):  # a group
-            yield from _shapes_within(within)
 
 
 def _decode_id(text: str) -> str:
@@ -219,51 +298,227 @@ def _decode_id(text: str) -> str:
     return re.sub(r"_x([0-9A-F]{2,4})_", lambda code: chr(int(code[1], 16)), text)
 
 
-def _refuse_parts(path: Path, tree: ElementTree.Element, shown: list[_Shown]) -> None:
-    """Raise FinloopError, with all problems, if shapes look different from their contours.
+# --- elements
 
-    path: of the file, for messages; tree: of the file; shown: its shapes.
+
+def _open_picture(root: ElementTree.Element) -> tuple[tuple[float, float], _Surroundings]:
+    """Return width and height of the picture, px, and what its root gives its elements."""
+    box = _read_box(root)
+    width, height = (
+        None if text is None or (box is None and text.strip().endswith("%"))
+        else read_length(key, text, box[at] if box else 0.0)
+        for key, text, at in (("width", root.get("width"), 2), ("height", root.get("height"), 3))
+    )  # fmt: skip
+    if box is None:
+        size = width or 1.0, height or 1.0
+        return size, _Surroundings("contour", (), {}, svg.Matrix(), size)
+    across, down = box[2:]
+    if width is None:
+        width = across if height is None else height * across / down
+    if height is None:
+        height = width * down / across
+    matrix = _fit_box(box, (0.0, 0.0, width, height), root)
+    return (width, height), _Surroundings("contour", (), {}, matrix, (across, down))
+
+
+def _read_box(element: ElementTree.Element) -> tuple[float, float, float, float] | None:
+    """Return the viewBox of an element; None if it states none."""
+    if (text := element.get("viewBox")) is None:
+        return None
+    parts = re.split(r"[\s,]+", text.strip())
+    if len(parts) != 4:
+        raise UnreadableValueError(f"viewBox: {text[:100]}")
+    x, y, width, height = (read_length("viewBox", part, 0.0) for part in parts)
+    return x, y, width, height
+
+
+def _fit_box(
+    box: tuple[float, float, float, float], place: tuple[float, float, float, float],
+    element: ElementTree.Element,
+) -> Any:  # fmt: skip
+    """Return the matrix that puts a viewBox into a place: x, y, width, height."""
+    aspect = " ".join(element.get("preserveAspectRatio", "xMidYMid").split())
+    return svg.Matrix(svg.Viewbox.viewbox_transform(*place, *box, aspect))
+
+
+def _shown_shapes(
+    document: _Document, element: ElementTree.Element, around: _Surroundings, problems: _Problems,
+    place: tuple[float, float] | None = None,
+) -> Iterator[_Shown]:  # fmt: skip
+    """Yield every shape that an element shows; around: what is around it.
+
+    place: width and height that a `use` gives to a viewport.
     """
-    patterns = {element.get("id", "") for element in tree.iter() if _tag(element) == "pattern"}
-    names_by_kind = dict[str, list[str]]()
-    for name, _, shape, _, _, refused in shown:
-        kinds = set(refused)
-        if any(shape.values.get(marker, "none") != "none" for marker in _MARKERS):
-            kinds.add("marker")
-        if any(_fill_target(shape.values.get(key)) in patterns for key in ("fill", "stroke")):
-            kinds.add("pattern")
-        for kind in kinds:
-            names_by_kind.setdefault(kind, []).append(name)
-    if names_by_kind:
-        said, advice = [], []
-        for kind, (what, do) in _REFUSED.items():
-            if names := list(dict.fromkeys(names_by_kind.get(kind, []))):
-                few = ", ".join(map(repr, names[:3])) + (" …" if len(names) > 3 else "")
-                said.append(f"{what} ({few})")
-                advice.append(do)
-        raise FinloopError(
-            f"{path} shows {', '.join(said)}",
-            "paths and shapes with colours, gradients, lines and dashes",
-            "; ".join(advice),
-        )
+    tag = local_name(element)
+    if tag not in (*_GROUPS, *_SHAPES, "use", "switch", "text", "symbol"):
+        return
+    own_id = _decode_id(element.get("id", ""))
+    name = own_id or around.name
+    with problems.collect(name):
+        group = _enter(document, element, around)
+        if group.values.get("display") == "none":
+            return
+        if tag == "text":
+            words = "".join(element.itertext()).strip()
+            if words and group.values.get("visibility") not in ("hidden", "collapse"):
+                refused = group.refused | {"text"}
+                yield _Shown(own_id or words[:20], False, group._replace(refused=refused), element)
+        elif tag in _SHAPES:
+            if group.values.get("visibility") not in ("hidden", "collapse"):
+                is_id = bool(own_id) and not group.is_used
+                yield _Shown(name, is_id, group, element)
+        else:
+            is_root = element not in document.parents
+            if own_id and not is_root:
+                group = group._replace(name=own_id, groups=(own_id, *group.groups))
+            if tag == "use":
+                yield from _used_shapes(document, element, group, problems)
+                return
+            if tag in ("svg", "symbol") and not is_root:
+                group = _open_viewport(element, group, place)
+            children = list(element)
+            if tag == "switch":
+                children = [
+                    child for child in children if local_name(child) in (*_GROUPS, *_SHAPES, "use")
+                ][:1]
+            for child in children:
+                if local_name(child) != "symbol":
+                    yield from _shown_shapes(document, child, group, problems)
+
+
+def _enter(
+    document: _Document, element: ElementTree.Element, around: _Surroundings
+) -> _Surroundings:
+    """Return what an element gives to what is in it: values, matrix, opacity, what is refused."""
+    values = inherit_values(document.declared[element], around.values)
+    refused = set(around.refused)
+    for key, (_, _, harmless) in _REFUSED.items():
+        text = " ".join(values.get(key, harmless[0]).split())
+        if text in harmless or (key == "transform-origin" and "transform" not in values):
+            continue
+        is_idle = key == "clip-path" and _fill_target(text) in document.idle_clips
+        if not (is_idle and not around.is_moved and "transform" not in values):
+            refused.add(key)
+    return around._replace(
+        values=values,
+        matrix=_read_transform("transform", values.get("transform", "")) * around.matrix,
+        opacity=around.opacity * read_opacity("opacity", values.get("opacity", "1")),
+        refused=frozenset(refused),
+        is_moved=around.is_moved or "transform" in values,
+    )
+
+
+def _used_shapes(
+    document: _Document, element: ElementTree.Element, group: _Surroundings, problems: _Problems
+) -> Iterator[_Shown]:
+    """Yield the shapes that a `use` shows; their ids stand elsewhere in the file."""
+    target_id = use_target(document.path, element)
+    target = document.by_id.get(target_id) if target_id else None
+    if target is None:
+        return
+    x, y = (read_length(key, element.get(key, "0"), size)
+            for key, size in zip("xy", group.size, strict=True))  # fmt: skip
+    place = tuple(
+        read_length(key, text, size) if (text := element.get(key) or target.get(key)) else size
+        for key, size in zip(("width", "height"), group.size, strict=True)
+    )
+    inner = group._replace(matrix=svg.Matrix(1, 0, 0, 1, x, y) * group.matrix, is_used=True)
+    own_id = _decode_id(element.get("id", ""))
+    for part in _shown_shapes(
+        document, target, inner, problems, cast("tuple[float, float]", place)
+    ):
+        yield part._replace(name=own_id or part.name, name_is_id=False)
+
+
+def _open_viewport(
+    element: ElementTree.Element, group: _Surroundings, place: tuple[float, float] | None
+) -> _Surroundings:
+    """Return what a nested `svg` or a symbol gives to what is in it; place: its size in a `use`."""
+    x, y = 0.0, 0.0
+    if local_name(element) == "svg":
+        x, y = (read_length(key, element.get(key, "0"), size)
+                for key, size in zip("xy", group.size, strict=True))  # fmt: skip
+    width, height = place or (
+        read_length(key, element.get(key, "100%"), size)
+        for key, size in zip(("width", "height"), group.size, strict=True)
+    )
+    box = _read_box(element)
+    if box is None:
+        matrix, size = svg.Matrix(1, 0, 0, 1, x, y), (width, height)
+    else:
+        matrix, size = _fit_box(box, (x, y, width, height), element), (box[2], box[3])
+    return group._replace(matrix=matrix * group.matrix, size=size, is_moved=True)
+
+
+def _read_transform(key: str, text: str) -> Any:
+    """Return a transform as a matrix; UnreadableValueError if it is none, or not finite."""
+    if text in ("", "none"):
+        return svg.Matrix()
+    try:
+        if not _TRANSFORM.fullmatch(text):
+            raise ValueError
+        matrix = svg.Matrix(text)
+        if not np.isfinite([getattr(matrix, name) for name in "abcdef"]).all():
+            raise ValueError
+    except _MISREAD as error:
+        raise UnreadableValueError(f"{key}: {text[:100]}") from error
+    return matrix
 
 
 # --- contours
 
 
-def _shown_contours(picture: Any, shown: list[_Shown], servers: _Servers) -> Iterator[_Contour]:
-    """Yield every contour that a drawing shows; picture: the drawing as svgelements reads it.
+def _read_contours(
+    document: _Document, item: _Shown, tolerance_px: float
+) -> Iterator[tuple[Curve, Paint | None]]:
+    """Yield every contour of a shape that a drawing shows, and how it is painted."""
+    shape = _read_shape(item.element, item.group.size)
+    if shape is None:
+        return
+    paint = _read_paint(document, item.group, shape)  # before the shape changes its coordinates
+    shape *= item.group.matrix
+    shape.reify()
+    for curve in _shape_contours(shape, tolerance_px):
+        yield curve, paint
 
-    The second and later contours of a shape `d`, such as the hole of a letter, are named `d#2`,
-    `d#3` …. shown: the shapes of the drawing.
+
+def _read_shape(element: ElementTree.Element, size: tuple[float, float]) -> Any:
+    """Return a shape as svgelements has it, in its own coordinates; None if nothing is drawn.
+
+    size: of the viewport.
     """
-    tolerance_px = FLATNESS * max(float(picture.width), float(picture.height))
-    for name, name_is_id, shape, groups, opacity, _ in shown:
-        paint = _read_paint(shape, opacity, servers)  # before the shape changes its coordinates
-        shape.reify()
-        for number, curve in enumerate(_shape_contours(shape, tolerance_px), 1):
-            contour_name = f"{name}{PART}{number}" if number > 1 else name
-            yield _Contour(contour_name, name_is_id, curve, groups, paint)
+    tag = local_name(element)
+    diagonal = float(np.hypot(*size) / np.sqrt(2))
+
+    def length(key: str, usual: str = "0") -> float:
+        """Return an attribute that is a length along x, along y, or neither (r)."""
+        along = {"x": size[0], "w": size[0], "y": size[1], "h": size[1]}
+        which = key[1] if key[0] in "cr" and len(key) > 1 else key[0]
+        return read_length(key, element.get(key, usual), along.get(which, diagonal))
+
+    def radius(key: str, other: str) -> float | None:
+        """Return the radius of a rounded corner; None if none is stated."""
+        known = {name for name in (key, other) if element.get(name, "auto") != "auto"}
+        return length(key if key in known else other) if known else None
+
+    if tag == "path":
+        return svg.Path(element.get("d", ""))
+    if tag in ("polyline", "polygon"):
+        shape = svg.Polygon if tag == "polygon" else svg.Polyline
+        return shape(element.get("points", ""))
+    if tag == "line":
+        return svg.SimpleLine(length("x1"), length("y1"), length("x2"), length("y2"))
+    if tag == "rect":
+        width, height = length("width"), length("height")
+        if width <= 0 or height <= 0:
+            return None
+        corner = {"rx": radius("rx", "ry"), "ry": radius("ry", "rx")}
+        corner = {key: value for key, value in corner.items() if value}
+        return svg.Rect(length("x"), length("y"), width, height, **corner)
+    rx, ry = (length("r"),) * 2 if tag == "circle" else (radius("rx", "ry"), radius("ry", "rx"))
+    if not rx or not ry or rx < 0 or ry < 0:
+        return None
+    return svg.Ellipse(length("cx"), length("cy"), rx, ry)
 
 
 def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:
@@ -359,88 +614,97 @@ def _to_points(*points: Any) -> Points:
 # --- styles
 
 
-def _read_paint(shape: Any, opacity: float, servers: _Servers) -> Paint | None:
+def _read_paint(document: _Document, group: _Surroundings, shape: Any) -> Paint | None:
     """Return how a shape is painted, in px of the viewport; None if nothing paints it.
 
-    shape: before `reify`. opacity: of it and the groups around it, 0 … 1.
+    group: its values, matrix and opacity; shape: in its own coordinates.
     """
-    fill, fill_opacity = _read_fill(shape, "fill", shape.fill, servers)
-    stroke, stroke_opacity = _read_fill(shape, "stroke", shape.stroke, servers)
+    values = group.values
+    matrix = group.matrix
+    scale = float(np.sqrt(abs(matrix.a * matrix.d - matrix.b * matrix.c)))
+    if values.get("vector-effect") == "non-scaling-stroke":
+        scale = 1.0
+    diagonal = float(np.hypot(*group.size) / np.sqrt(2))
+    fill, fill_opacity = _read_fill(document, group, shape, "fill", "black")
+    stroke, stroke_opacity = _read_fill(document, group, shape, "stroke", "none")
+    own_width = read_length("stroke-width", values.get("stroke-width", "1"), diagonal)
+    if own_width < 0:
+        raise UnreadableValueError(f"stroke-width: {own_width:g}")
+    if own_width == 0:
+        stroke = None
     if fill is None and stroke is None:
         return None
-    width = float(shape.implicit_stroke_width)
-    dashes = _read_dashes(shape, width, servers.size) if stroke is not None else ()
-    return Paint(fill, stroke, opacity * fill_opacity, opacity * stroke_opacity, width, *dashes)
+    dashes = _read_dashes(values, own_width, scale, diagonal) if stroke is not None else ()
+    return Paint(
+        fill, stroke, group.opacity * fill_opacity, group.opacity * stroke_opacity,
+        scale * own_width, *dashes,
+    )  # fmt: skip
 
 
-def _read_fill(shape: Any, key: str, colour: Any, servers: _Servers) -> tuple[Fill, float]:
-    """Return a shape's fill or stroke and its opacity; key: "fill" or "stroke".
-
-    colour: as svgelements reads it, which does not know gradients.
-    """
-    text = str(shape.values.get(key))
-    stated = _parse_opacity(shape.values.get(f"{key}-opacity"))
-    if target := _fill_target(text):
-        if target in servers.elements:
-            return _read_gradient(target, shape, servers), stated
-        text = text.partition(")")[2].strip()  # the colour in place of what is missing
-        colour = svg.Color(text) if text else None
-    if colour is None or colour.value is None:
+def _read_fill(
+    document: _Document, group: _Surroundings, shape: Any, key: str, usual: str
+) -> tuple[Fill, float]:
+    """Return a shape's fill or stroke, which key says, and its opacity; usual: the usual value."""
+    text = group.values.get(key, usual)
+    opacity = read_opacity(f"{key}-opacity", group.values.get(f"{key}-opacity", "1"))
+    if server := document.find_server(text):
+        if server[1] is not None and local_name(server[1]) in _GRADIENTS:
+            return _read_gradient(document, server[0], group, shape), opacity
+        text = text.partition(")")[2].strip() or "none"  # the colour in place of what is missing
+    if text == "none":
         return None, 1.0
-    return (colour.red, colour.green, colour.blue), float(colour.opacity)
+    colour, own_opacity = read_colour(key, group.values, text)
+    return colour, opacity * own_opacity
 
 
-def _fill_target(text: object) -> str | None:
-    """Return the id that a fill or stroke refers to: of `url(#id)`; None if it is a colour."""
-    found = re.match(r"""url\(\s*["']?#(.+?)["']?\s*\)""", str(text))
-    return found[1] if found else None
+def _fill_target(text: str) -> str | None:
+    """Return the id that a fill or stroke refers to: of `url(#id)`; None if it is a colour.
+
+    It is "" if it refers to another file.
+    """
+    found = re.match(r"url\(([^)]*)\)", text)
+    target = found[1].strip(" \t\r\n\"'") if found else ""
+    return (target[1:] if target.startswith("#") else "") if found else None
 
 
-def _find_servers(tree: ElementTree.Element, picture: Any) -> _Servers:
-    """Return the gradients of a drawing; picture: the drawing as svgelements reads it."""
-    elements = {
-        element.attrib["id"]: element
-        for element in tree.iter()
-        if _tag(element) in _GRADIENTS and "id" in element.attrib
-    }
-    box = picture.viewbox
-    size = (picture.width, picture.height) if box is None else (box.width, box.height)
-    return _Servers(elements, picture.objects, (float(size[0]), float(size[1])))
-
-
-def _read_gradient(name: str, shape: Any, servers: _Servers) -> Gradient | None:
+def _read_gradient(
+    document: _Document, name: str, group: _Surroundings, shape: Any
+) -> Gradient | None:
     """Return the gradient with an id as it fills a shape; None if it paints nothing.
 
     It has the attributes and stops of the gradient that it refers to, where it states none.
     """
     chain, reference = list[ElementTree.Element](), name
-    while (element := servers.elements.get(reference)) is not None and element not in chain:
+    while reference and (element := document.by_id.get(reference)) is not None:
+        if element in chain or local_name(element) not in _GRADIENTS:
+            break
         chain.append(element)
-        reference = _href(element)[1:]
+        reference = read_href(element)[1:]
     stated = dict[str, str]()
     for element in chain[::-1]:
         stated |= element.attrib
-    stops = next((stops for element in chain if (stops := _read_stops(element, servers))), ())
+    stops = next((stops for element in chain if (stops := _read_stops(document, element))), ())
     in_box = stated.get("gradientUnits") != "userSpaceOnUse"
-    to_drawing = svg.Matrix(shape.transform)
+    to_drawing = svg.Matrix(group.matrix)
     if in_box:  # lengths are shares of the shape's box
         left, top, right, bottom = shape.bbox(transformed=False)
         if left == right or top == bottom:
             return None
         to_drawing = svg.Matrix(right - left, 0, 0, bottom - top, left, top) * to_drawing
-    to_drawing = svg.Matrix(stated.get("gradientTransform", "")) * to_drawing
-    width, height = (1.0, 1.0) if in_box else servers.size
+    transform = _read_transform("gradientTransform", stated.get("gradientTransform", ""))
+    to_drawing = transform * to_drawing
+    width, height = (1.0, 1.0) if in_box else group.size
 
     def coordinate(key: str, usual: str) -> float:
         """Return an attribute that is a length along x, along y, or neither (r)."""
         text = stated.get(key, usual).strip()
         diagonal = float(np.hypot(width, height) / np.sqrt(2))
         whole = {"x": width, "y": height}.get(key.strip("cf12"), diagonal)
-        return _parse_length(text, whole)
+        return read_length(key, text, whole)
 
     kind: Literal["linear", "radial"] = "linear"
     focus = 0.0, 0.0
-    if _tag(chain[0]) == "linearGradient":
+    if local_name(chain[0]) == "linearGradient":
         x1, y1 = coordinate("x1", "0%"), coordinate("y1", "0%")
         x2, y2 = coordinate("x2", "100%"), coordinate("y2", "0%")
         own = svg.Matrix(x2 - x1, y2 - y1, y1 - y2, x2 - x1, x1, y1)
@@ -458,43 +722,46 @@ def _read_gradient(name: str, shape: Any, servers: _Servers) -> Gradient | None:
     return Gradient(kind, stops, (m.a, m.b, m.c, m.d, m.e, m.f), focus, spread) if stops else None
 
 
-def _read_stops(gradient: ElementTree.Element, servers: _Servers) -> tuple[Stop, ...]:
+def _read_stops(document: _Document, gradient: ElementTree.Element) -> tuple[Stop, ...]:
     """Return the stops of a gradient; FinloopError if there are too many."""
+    around, values = [gradient], Values()
+    while around[-1] in document.parents:
+        around.append(document.parents[around[-1]])
+    for element in around[::-1]:
+        values = inherit_values(document.declared[element], values)
     stops = list[Stop]()
     for element in gradient:
-        if _tag(element) != "stop":
+        if local_name(element) != "stop":
             continue
-        values = servers.values[element.attrib["id"]].values
-        colour = svg.Color(values.get("stop-color", "black"))
-        opacity = _parse_opacity(values.get("stop-opacity")) * float(colour.opacity)
-        offset = min(max(_parse_length(values.get("offset", "0"), 1.0), 0.0), 1.0)
+        own = inherit_values(document.declared[element], values)
+        colour, opacity = read_colour("stop-color", own, own.get("stop-color", "black"))
+        opacity *= read_opacity("stop-opacity", own.get("stop-opacity", "1"))
+        offset = read_opacity("offset", element.get("offset", "0"))  # a share, 0 … 1, too
         offset = max(offset, stops[-1].offset) if stops else offset
-        rgb: Colour = (colour.red, colour.green, colour.blue)
-        stops.append(Stop(offset, rgb, opacity))
+        stops.append(Stop(offset, colour, opacity))
     _refuse_many("a gradient", len(stops), "stops")
     return tuple(stops)
 
 
 def _read_dashes(
-    shape: Any, width: float, size: tuple[float, float]
+    values: Mapping[str, str], own_width: float, scale: float, diagonal: float
 ) -> tuple[tuple[float, ...], float, bool]:
-    """Return a shape's dashes and gaps, their offset, and whether their ends are round.
+    """Return a shape's dashes and gaps, px, their offset, and whether their ends are round.
 
-    width: of its stroke, in px of the viewport; size: of the picture, for lengths in per cent.
+    own_width: of its stroke, in its own units; scale: px in such a unit; diagonal: what 100 % is.
     Square ends make dashes longer by the width, and gaps shorter.
     """
-    texts = re.split(r"[\s,]+", str(shape.values.get("stroke-dasharray", "")).strip())
+    texts = re.split(r"[\s,]+", values.get("stroke-dasharray", "").strip())
     if texts in ([""], ["none"]):
         return (), 0.0, False
     _refuse_many("a dashed line", len(texts), "lengths")
-    diagonal = float(np.hypot(*size) / np.sqrt(2))
-    # px of the viewport in a unit of the shape
-    scale = width / shape.stroke_width if shape.stroke_width else 1.0
-    lengths = [scale * _parse_length(text, diagonal) for text in texts]
-    offset = scale * _parse_length(str(shape.values.get("stroke-dashoffset", "0")), diagonal)
+    lengths = [scale * read_length("stroke-dasharray", text, diagonal) for text in texts]
+    stated_offset = values.get("stroke-dashoffset", "0")
+    offset = scale * read_length("stroke-dashoffset", stated_offset, diagonal)
     lengths = lengths * 2 if len(lengths) % 2 else lengths
-    ends = shape.values.get("stroke-linecap", "butt")
+    ends = values.get("stroke-linecap", "butt")
     if ends == "square":
+        width = scale * own_width
         gaps = [min(width, gap) for gap in lengths[1::2]]
         lengths[::2] = [dash + gap for dash, gap in zip(lengths[::2], gaps, strict=True)]
         lengths[1::2] = [gap - less for gap, less in zip(lengths[1::2], gaps, strict=True)]
@@ -508,205 +775,3 @@ def _refuse_many(what: str, count: int, parts: str) -> None:
     """Raise FinloopError if something has more than _MOST_PARTS parts."""
     if count > _MOST_PARTS:
         raise FinloopError(f"{what} of {count} {parts}", f"at most {_MOST_PARTS}", "simplify it")
-
-
-def _parse_length(text: str, whole: float) -> float:
-    """Return a length in px; whole: what 100 % is."""
-    return float(svg.Length(text).value(ppi=_PPI, relative_length=whole))
-
-
-def _parse_opacity(text: str | None) -> float:
-    """Return the opacity, 0 … 1, that a text states; 1 if it states none."""
-    with suppress(ValueError):
-        return min(max(_parse_length(text or "1", 1.0), 0), 1)
-    return 1.0
-
-
-# --- what may be read
-
-
-def _load_safe_tree(path: Path) -> ElementTree.Element:
-    """Load an SVG file's XML tree without elements that draw no contour, such as text and pictures.
-
-    FinloopError if the file is missing, huge, no SVG, declares entities, points to another file for
-    a shape, or would draw more than MOST_DRAWN characters of geometry.
-    """
-    try:
-        with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise FinloopError(
-            f"{path} cannot be read ({error.strerror})", "an SVG drawing", "name a file that exists"
-        ) from error
-    if len(data) > MOST_BYTES:
-        raise FinloopError(
-            f"{path} has more than {MOST_BYTES / 2**20:g} MiB",
-            "a drawing of a few contours",
-            "save only the contours, without pictures, and simplify traced paths",
-        )
-    _refuse_entities(path, data)
-    root = ElementTree.fromstring(data)
-    if _tag(root) != "svg":
-        raise FinloopError(
-            f"{path} holds <{_tag(root)}>, no SVG", "an SVG drawing", "save the drawing as SVG"
-        )
-    _drop_idle_clips(root)
-    _keep_contours(root)
-    styles = [element.text or "" for element in root.iter() if _tag(element) == "style"]
-    if (characters := sum(map(len, styles))) > MOST_STYLE:
-        raise FinloopError(
-            f"{path} has style sheets of {characters / 1024:.0f} KiB",
-            f"at most {MOST_STYLE // 1024} KiB",
-            "save it without embedded fonts, or with styles as attributes",
-        )
-    _refuse_large(path, root)
-    return root
-
-
-def _refuse_entities(path: Path, data: bytes) -> None:
-    """Raise FinloopError if the bytes of a file are not XML, or declare XML entities."""
-    parser = expat.ParserCreate()
-
-    def refuse_entity(name: str, *rest: object) -> NoReturn:
-        """Raise FinloopError for a declared entity."""
-        raise FinloopError(
-            f"{path} declares the entity {name!r}, which may stand for any amount of text",
-            "an SVG without entities",
-            "save it as plain SVG: the drawing program then writes entities out",
-        )
-
-    parser.EntityDeclHandler = refuse_entity
-    try:
-        parser.Parse(data, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        empty = "it is empty" if not data.strip() else str(error)
-        raise FinloopError(
-            f"{path} is no XML ({empty})", "an SVG drawing", "save the drawing again as plain SVG"
-        ) from error
-
-
-def _tag(element: ElementTree.Element) -> str:
-    """Return the name of an XML element without the SVG namespace."""
-    return element.tag.removeprefix(_SVG)
-
-
-def _keep_contours(root: ElementTree.Element) -> None:
-    """Change a tree, given by its root, so that svgelements draws only contours.
-
-    Elements that draw no contour are removed, except patterns, which fills may refer to. Symbols,
-    which only a `use` shows, move to `defs`, style sheets to the front. Text becomes an empty group
-    with an attribute `text`. Stops of gradients get ids.
-    """
-    hidden = ElementTree.Element(f"{_SVG}defs")
-    first = ElementTree.Element(f"{_SVG}defs")
-    numbers = count()
-    for parent in list(root.iter()):
-        for child in list(parent):
-            tag = _tag(child)
-            if tag in _NO_CONTOURS:
-                parent.remove(child)
-            elif tag == "symbol":
-                child.tag = f"{_SVG}{'svg' if 'viewBox' in child.attrib else 'g'}"
-                parent.remove(child)
-                hidden.append(child)
-            elif tag == "style":
-                parent.remove(child)
-                first.append(child)
-            elif tag == "pattern":
-                child[:] = []
-            elif tag == "text":
-                words = "".join(child.itertext()).strip()
-                child[:], child.tag = [], f"{_SVG}g"
-                child.set("text", "shown" if words else "none")
-                child.set("id", child.get("id") or words[:20] or "text")
-            elif tag == "stop":
-                child.set("id", f"{PART}{next(numbers)}")
-    root.insert(0, first)
-    root.append(hidden)
-
-
-def _drop_idle_clips(root: ElementTree.Element) -> None:
-    """Remove references to clip paths that are the whole picture, as Figma and Illustrator write.
-
-    root: of the tree, which is changed.
-    """
-    box = root.get("viewBox") or f"0 0 {root.get('width')} {root.get('height')}"
-    idle = set[str | None]()
-    for clip in (element for element in root.iter() if _tag(element) == "clipPath"):
-        rect = clip[0] if len(clip) == 1 and _tag(clip[0]) == "rect" else None
-        if rect is None or _NO_IDLE_CLIP & (clip.attrib.keys() | rect.keys()):
-            continue
-        with suppress(ValueError):
-            x, y, width, height = (float(rect.get(key, 0)) for key in _RECT)
-            left, top, across, down = map(float, re.split(r"[\s,]+", box.strip()))
-            is_covered = x <= left and y <= top
-            if is_covered and x + width >= left + across and y + height >= top + down:
-                idle.add(clip.get("id"))
-    groups = [root]  # and those within them that no transform moves
-    while groups:
-        group = groups.pop()
-        if "clip-path" in group.attrib and _fill_target(group.get("clip-path")) in idle:
-            del group.attrib["clip-path"]
-        groups += [child for child in group if "transform" not in child.attrib]
-
-
-def _use_target(path: Path, element: ElementTree.Element) -> str | None:
-    """Return the id of the shape that an XML element shows; None unless it is a `use` with one.
-
-    path: of the SVG, for messages. FinloopError if the shape is in another file.
-    """
-    if _tag(element) != "use":
-        return None
-    reference = _href(element)
-    if reference and not reference.startswith("#"):
-        raise FinloopError(
-            f"{path} shows a shape of another file: {reference[:100]!r}, which is not fetched",
-            "an SVG that holds all its shapes",
-            "copy the shape into the drawing",
-        )
-    return reference[1:] or None
-
-
-def _href(element: ElementTree.Element) -> str:
-    """Return what an XML element refers to, such as "#id"; "" if nothing."""
-    return next((text for name in _HREFS if (text := element.get(name, "").strip())), "")
-
-
-def _refuse_large(path: Path, root: ElementTree.Element) -> None:
-    """Raise FinloopError if a drawing has too much geometry, is too deep, or contains itself."""
-    by_id = {element.get("id"): element for element in root.iter()}
-    sizes = dict[int, int]()  # of the measured elements, by `id` of the Python object
-    unfinished = set[int]()  # elements within which another is being measured now
-
-    def measure_element(element: ElementTree.Element, depth: int) -> int:
-        """Return how much geometry [characters] an element draws, with all its parts.
-
-        A part is a child, or the shape that a `use` shows. depth: of the element below the root.
-        """
-        key = id(element)
-        if key in sizes:
-            return sizes[key]
-        if key in unfinished:
-            raise FinloopError(
-                f"{path} holds a <use> that shows itself",
-                "shapes that do not contain themselves",
-                f"remove the <use> of {_use_target(path, element) or element.get('id')!r}",
-            )
-        unfinished.add(key)
-        used = by_id.get(_use_target(path, element) or "")
-        parts = [*element, *([] if used is None else [used])]
-        size = _ELEMENT + sum(len(element.get(name, "")) for name in _GEOMETRY)
-        if depth <= MOST_NESTED:
-            size += sum(measure_element(part, depth + 1) for part in parts)
-        if depth > MOST_NESTED or size > MOST_DRAWN:
-            raise FinloopError(
-                f"{path} draws more than {MOST_DRAWN // 1024} KiB of paths, or"
-                f" {MOST_DRAWN // _ELEMENT} shapes, or nests more than {MOST_NESTED} deep",
-                "a drawing of a few contours",
-                "save only the contours to be morphed, and simplify traced paths",
-            )
-        unfinished.discard(key)
-        sizes[key] = size
-        return size
-
-    measure_element(root, 0)
