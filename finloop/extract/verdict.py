@@ -71,6 +71,6 @@ def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
             "parts", jumps_pct < PARTS_PCT,
             f"The area of an animal jumps by more than 10 % for a moment in {jumps_pct:.1f} % of "
             "the frames.",
-            "Parts come and go, such as legs, fins or a tail: light them, take a floor of one "
-            "brightness, or keep thin parts (extract.thin=keep).",
+            "Parts come and go, such as legs, fins or a tail: more light on them, a floor of one "
+            "brightness, or a smaller extract.outline_contrast_ratio.",
         )  # fmt: skip
