@@ -634,13 +634,37 @@ def test_names_without_a_common_form_are_in_natural_order(tmp_path):
 def test_two_cameras_in_a_folder_are_refused_and_times_are_not(tmp_path):
     cameras = [f"left{k}.png" for k in range(9)] + [f"right{k}.png" for k in range(9)]
     counted = [f"cam{c}_{k}.png" for c in (1, 2) for k in range(9)]
-    for names in (cameras, counted):
+    behind = [f"f{k}_cam{c}.png" for k in range(9) for c in (1, 2)]
+    for names in (cameras, counted, behind):
         folder = write_pictures(tmp_path / names[0], map(picture, range(18)), names=names)
         with pytest.raises(FinloopError, match=r"several kinds: 9 .*, 9 "):
             open_footage(folder, frame_rate_hz=10)
     times = [f"12_30_{k // 5:02}_{k % 5 * 200:03}.png" for k in range(18)]
     folder = write_pictures(tmp_path / "times", map(picture, range(18)), names=times)
     assert numbers(read(open_footage(folder, frame_rate_hz=5))[1]) == list(range(18))
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (
+            [f"{name}.png" for name in (10, 11, 12, "a1b", "c1", "2d", "e", "f5g6")],
+            "3 #.*5 with other",
+        ),
+        ([f"f{k}.png" for k in range(7)] + ["f03.png"], r"f03.png and f3.png have the same number"),
+    ],
+)
+def test_pictures_that_are_not_one_film_are_refused(tmp_path, names, said):
+    folder = write_pictures(tmp_path / "film", map(picture, range(8)), names=names)
+    with pytest.raises(FinloopError, match=said):
+        open_footage(folder, frame_rate_hz=10)
+
+
+def test_an_ending_may_be_written_in_two_ways(tmp_path):
+    names = [f"f{k}{['.tif', '.TIFF'][k % 2]}" for k in range(9)]
+    folder = write_pictures(tmp_path / "film", map(picture, range(9)), names=names)
+    footage = open_footage(folder, frame_rate_hz=10)
+    assert numbers(read(footage)[1]) == list(range(9)) and footage.notes == ()
 
 
 NAMES_WITH_TIMES = {  # of the time of a picture, in ms after a date
@@ -865,6 +889,10 @@ def make_bad(what: str, folder: Path) -> Path:
             film.touch()
         case "text":
             film.write_text("This is no film.\n" * 100)
+        case "archive":
+            film.write_bytes(b"PK\3\4" + bytes(100))
+        case "noise":
+            film.write_bytes(bytes(range(255, 0, -1)))
         case "sound":
             return write_sound(folder / "sound.wav", cover=False)
         case "sound with a cover":
@@ -899,7 +927,9 @@ def make_bad(what: str, folder: Path) -> Path:
     [
         ("nothing", "there is nothing at"),
         ("empty", "is empty: 0 bytes"),
-        ("text", "cannot be read as a film: Invalid data"),
+        ("text", "is text, not a film: it begins with 'This is no film"),
+        ("archive", "is an archive, not a film"),
+        ("noise", "cannot be read as a film: Invalid data"),
         ("sound", "holds no pictures, only audio"),
         ("sound with a cover", "holds no pictures, only audio"),
         ("without index", "holds nothing that can be decoded"),

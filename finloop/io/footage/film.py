@@ -53,6 +53,7 @@ from finloop.io.video import THREADS, view_grey_levels
 OUTSIDE_LEVELS, OUTSIDE_FRACTION = (10, 241), 0.01
 SEEK_MARGIN_S = 1.0
 HD_HEIGHT = 720  # from here on, a film that does not state its colour matrix has BT.709
+_FIRST_BYTES, _ARCHIVES = 60, (b"PK\3\4", b"\x1f\x8b", b"7z\xbc\xaf", b"Rar!")  # zip, gz, 7z, rar
 _LUMA_FIRST = ("yuv4", "yuvj4", "yuva4", "nv1", "nv2", "gray")  # formats whose plane 0 is Y
 _YUV = ("yuv", "nv", "uyvy", "yvyu", "p0")  # formats of brightness and two colour differences
 
@@ -82,12 +83,29 @@ def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
             stream.thread_type = "AUTO"
             yield container, stream
     except (av.error.FFmpegError, OSError) as error:
-        raise FinloopError(
-            came=f"{path} cannot be read as a film: {error.strerror or error}",
+        raise _unreadable_film_error(path, error.strerror or str(error)) from error
+
+
+def _unreadable_film_error(path: Path, why: str) -> FinloopError:
+    """Return the error for a file that FFmpeg cannot read, by its first bytes; why: as it says."""
+    beginning = b""
+    with suppress(OSError), path.open("rb") as file:
+        beginning = file.read(_FIRST_BYTES)
+    text = beginning.decode("ascii", "replace")
+    if beginning and all(letter.isprintable() or letter.isspace() for letter in text):
+        return FinloopError(
+            came=f"{path} is text, not a film: it begins with {' '.join(text.split())!r}",
             wanted=WANTED,
-            do="see whether a player shows it; an mp4 or mov that is still being recorded or "
-            "copied lacks its index: wait; one that was cut off must be repaired first",
-        ) from error
+            do="download the film itself; in a git repository with large files: git lfs pull",
+        )
+    if beginning.startswith(_ARCHIVES):
+        return FinloopError(f"{path} is an archive, not a film", WANTED, "unpack it first")
+    return FinloopError(
+        came=f"{path} cannot be read as a film: {why}",
+        wanted=WANTED,
+        do="see whether a player shows it; an mp4 or mov that is still being recorded or "
+        "copied lacks its index: wait; one that was cut off must be repaired first",
+    )
 
 
 def _picture_streams(container: InputContainer) -> list[VideoStream]:

@@ -193,16 +193,28 @@ def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
     """Return how the pictures of a film in a folder are named, and these pictures in their order.
 
     The names in a series differ only in numbers. If no such series has more than two pictures and
-    5 % of all, the pictures with one ending are a series. FinloopError if there are several.
+    5 % of all, the pictures with one ending are a series. FinloopError if there are several, or if
+    not only a few pictures are in none.
     """
-    series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + file.suffix.lower())
-    large = [name for name in series if len(series[name]) > max(2, _FEW * len(files))]
+    few = max(2, _FEW * len(files))
+    series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + _ending_of(file))
+    large = [name for name in series if len(series[name]) > few]
     if not large:
-        series = _group_files(files, lambda file: file.suffix.lower())
+        series = _group_files(files, _ending_of)
         large = list(series)
     if len(large) > 1:
         raise _several_series_error(folder, {name: len(series[name]) for name in large})
-    return large[0], sorted(series[large[0]], key=natural_sort_key)
+    pattern, pictures = large[0], sorted(series[large[0]], key=natural_sort_key)
+    if len(files) - len(pictures) > few:
+        others = {"with other names": len(files) - len(pictures)}
+        raise _several_series_error(folder, {pattern: len(pictures)} | others)
+    return pattern, pictures
+
+
+def _ending_of(file: Path) -> str:
+    """Return the ending of a picture's name; .tiff is .tif, and .jpeg is .jpg."""
+    ending = file.suffix.lower()
+    return ".tif" if ending in TIFF else ".jpg" if ending in JPEG else ending
 
 
 def _group_files(files: list[Path], name_of: Callable[[Path], str]) -> dict[str, list[Path]]:
@@ -228,7 +240,7 @@ def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
 
     pictures: of one series, in order. They count as consecutive unless their names differ in one
     number, whose steps are whole multiples of the usual one. FinloopError for the pictures of two
-    cameras.
+    cameras, and for two pictures of one number.
     """
     numbers_in_names = [re.findall(r"\d+", file.stem) for file in pictures]
     consecutive = np.arange(len(pictures))
@@ -242,6 +254,13 @@ def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
         return consecutive
     number = columns[:, differ[0]]
     steps = np.diff(number)
+    if not steps.all():
+        first, second = pictures[int(np.flatnonzero(steps == 0)[0]) :][:2]
+        raise FinloopError(
+            came=f"{first} and {second.name} have the same number",
+            wanted="one picture for each frame",
+            do="move one of them away",
+        )
     step = np.median(steps)
     if (steps <= 0).any() or (steps % step).any():
         return consecutive
@@ -253,11 +272,13 @@ def _refuse_several_cameras(
 ) -> None:
     """Raise FinloopError if a folder holds pictures such as cam1_0, cam1_1, …, cam2_0, cam2_1, ….
 
-    camera, number (n,): the first and the second number in the name of each picture; in both at
-    least two names differ. They are of several cameras if nearly all second numbers occur with
-    every first one, and count by ones. Times of day, such as 59_960, 60_000, also have two numbers,
+    camera, number (n,): two numbers in the name of each picture, in which the names differ; the one
+    of fewer values is the camera's. They are of several cameras if nearly all numbers occur with
+    every camera, and count by ones. Times of day, such as 59_960, 60_000, also have two numbers,
     but do not count so.
     """
+    if len(np.unique(camera)) > len(np.unique(number)):
+        camera, number = number, camera
     cameras = np.unique(camera)
     numbers_of = {value: set(number[camera == value]) for value in cameras}
     shared = sorted(set.intersection(*numbers_of.values()))
