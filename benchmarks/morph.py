@@ -59,8 +59,8 @@ def single_contour_glyphs() -> dict[str, Curve]:
 FONTS, REGION_PAIRS = ("DejaVu Sans", "DejaVu Serif", "STIXGeneral"), 300
 
 
-def region_row() -> dict[str, object]:
-    """Return a row of the table for regions: the share of pairs without a fold, and their times."""
+def random_regions() -> list[tuple[list[Curve], list[Curve]]]:
+    """Return random pairs of glyphs in one piece, of which the first has holes."""
     glyphs = [
         outlines
         for font in FONTS
@@ -69,9 +69,16 @@ def region_row() -> dict[str, object]:
     ]
     with_holes = [number for number, outlines in enumerate(glyphs) if len(outlines) > 1]
     rng = np.random.default_rng(0)
+    return [
+        (glyphs[rng.choice(with_holes)], glyphs[rng.integers(len(glyphs))])
+        for _ in range(REGION_PAIRS)
+    ]
+
+
+def region_row() -> dict[str, object]:
+    """Return a row of the table for regions: the share of pairs without a fold, and their times."""
     milliseconds, free = [], 0
-    for _ in range(REGION_PAIRS):
-        a, b = glyphs[rng.choice(with_holes)], glyphs[rng.integers(len(glyphs))]
+    for a, b in random_regions():
         call = partial(morph_regions_without_folds, a, b, FRAMES, POINTS)
         seconds, stacks = time_call(call)
         layout = ContourLayout((POINTS,) * len(stacks))

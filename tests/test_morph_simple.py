@@ -15,6 +15,7 @@ from finloop.curve.wavelet import drop_details
 from finloop.morph.folds import ContourLayout, count_polygon_folds, is_simple, stays_simple
 from finloop.morph.layers import PhysicalOptions, linear_morph, physical_morph
 from finloop.morph.match import Resolution, match_curves, misfit_by_start
+from finloop.morph.relax import find_relaxing_moves
 from finloop.morph.simple import (
     cut_ears,
     join_simplified_poses,
@@ -242,6 +243,44 @@ def test_plain_ends_can_always_be_joined():
     for turn in np.deg2rad([0, 90, 179, 180, 181]):
         turned = other[-1] @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
         assert stays_simple(join_simplified_poses(one[-1], turned, False), False)
+
+
+# --- frames as rigid as possible
+
+
+def test_a_bar_that_turns_keeps_its_length_on_the_way():
+    """The linear frames of such a turn shrink; relaxed ones are the bar, turned."""
+    bar = resample_curve(Curve(np.array([[-8, -2], [8, -2], [8, 2], [-8, 2.0]]), True), 64).points
+
+    def turned(angle):
+        c, s = np.cos(angle), np.sin(angle)
+        return bar @ [[c, s], [-s, c]]
+
+    share = np.linspace(0, 1, 21)[:, None, None]
+    linear = (1 - share) * bar + share * turned(2.4)
+    stack = linear
+    for _ in range(12):
+        stack = stack + find_relaxing_moves(stack, ContourLayout((64,)))
+    np.testing.assert_array_equal(stack[[0, -1]], linear[[0, -1]])
+
+    def bent(frame):
+        """How far a frame is from the bar, turned as fits best: any turn is as rigid."""
+        z, rest = frame @ [1, 1j], bar @ [1, 1j]
+        fit = rest.conj() @ (z - z.mean())
+        return abs(z - z.mean() - rest * fit / abs(fit)).max()
+
+    assert max(map(bent, stack)) < 0.2
+    assert bent(linear[10]) > 4
+
+
+def test_relaxing_keeps_what_is_rigid_and_refuses_what_has_no_triangles():
+    points = resample_curve(GLYPHS["k"], 128).points
+    layout = ContourLayout((128,))
+    moves = find_relaxing_moves(np.stack([points + [9 * k, 0] for k in range(9)]), layout)
+    assert abs(moves).max() < 1e-6 * np.ptp(points)
+    eight = points.copy()
+    eight[[10, 70]] = eight[[70, 10]]
+    assert find_relaxing_moves(np.stack([eight, eight, eight]), layout) is None
 
 
 # --- the morph

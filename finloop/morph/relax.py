@@ -1,0 +1,129 @@
+"""Frames of a morph that are distorted less: as-rigid-as-possible shapes between two shapes.
+
+Every triangle of a shape becomes one of the other by a rotation and a stretch S. In the frame at
+the share τ of the way its map should be (1 − τ) I + τ S and a rotation, any one. The frame
+minimises how far all maps J are from that, ∫ ‖J − R ((1 − τ) I + τ S)‖² (Alexa, Cohen-Or and Levin,
+"As-rigid-as-possible shape interpolation", 2000; rotations are found as by Sorkine and Alexa,
+2007). Triangles of both shapes count, those of the first 1 − τ times, of the second τ times.
+"""
+
+import numpy as np
+import scipy
+
+from finloop.base.arrays import Complex, Floats, Points
+from finloop.base.triangles import double_areas, triangulate
+from finloop.morph.folds import ContourLayout
+
+COARSE = 64  # points of a contour for which frames are solved
+KNOTS = 8  # frames that are solved, evenly in time
+STEPS = 12  # of each solution; each lowers the energy
+FLAT = 1e-9  # area of a triangle, as a share of its shape's, that counts as none
+
+
+def find_relaxing_moves(stack: Points, layout: ContourLayout) -> Points | None:
+    """Return moves (f, n, 2) that lower the energy of frames of closed contours (f, n, 2).
+
+    The first and the last frame stay. Nothing keeps the moved contours from folding. None if the
+    contours are too fine for triangles between COARSE points of each.
+    """
+    frames, count = stack.shape[:2]
+    coarse = [
+        np.arange(part.start, part.stop, max(1, (part.stop - part.start) // COARSE))
+        for part in layout.parts
+    ]
+    vertices, sizes = np.concatenate(coarse), [len(part) for part in coarse]
+    start = _shape_gradients(stack[0, vertices], sizes)
+    end = _shape_gradients(stack[-1, vertices], sizes)
+    if start is None or end is None:
+        return None
+    (first, first_areas), (last, last_areas) = start, end
+    knots = np.unique(np.round(np.linspace(0, frames - 1, KNOTS + 2)).astype(int))
+    tau = (knots / (frames - 1))[1:-1]
+    z = stack[:, vertices] @ [1, 1j]
+    goals = [_blend_stretches(first, z[-1], tau), _blend_stretches(last, z[0], 1 - tau)]
+    places = z[knots[1:-1]].T
+    relaxed = _relax_places(
+        places,
+        np.concatenate([first, last]),
+        np.r_[first_areas, last_areas],
+        np.concatenate([first_areas[:, None] * (1 - tau), last_areas[:, None] * tau]),
+        *(np.concatenate(parts) for parts in zip(*goals, strict=True)),
+    )
+    moves = np.zeros((len(knots), len(vertices)), complex)
+    moves[1:-1] = (relaxed - places).T
+    in_time = scipy.interpolate.CubicSpline(knots, moves)(np.arange(frames))
+    result = np.empty((frames, count), complex)
+    splits = np.cumsum(sizes)[:-1]
+    for part, points, some in zip(
+        layout.parts, coarse, np.split(in_time, splits, axis=1), strict=True
+    ):
+        along = scipy.interpolate.CubicSpline(
+            np.r_[points, part.stop], np.c_[some, some[:, :1]], axis=1, bc_type="periodic"
+        )
+        result[:, part] = along(np.arange(part.start, part.stop))
+    result[[0, -1]] = 0.0  # but for rounding they are
+    return np.stack([result.real, result.imag], axis=-1)
+
+
+def _blend_stretches(gradients: Complex, other: Complex, tau: Floats) -> tuple[Floats, Complex]:
+    """Return what maps of triangles turn and mirror, (t, k) each, at shares tau (k,) of the way.
+
+    gradients (t, n): of a shape; other (n,): its vertices in the other shape. The stretch S of each
+    triangle grows evenly, from none to that of the other shape: (1 − τ) I + τ S.
+    """
+    turning, mirroring = gradients.conj() @ other / 2, gradients @ other / 2
+    size = abs(turning)
+    unturned = mirroring * turning.conj() / np.maximum(size, 1e-300)
+    return 1 - tau + tau * size[:, None], tau * unturned[:, None]
+
+
+def _relax_places(
+    places: Complex,
+    gradients: Complex,
+    areas: Floats,
+    weights: Floats,
+    turning_goals: Floats,
+    mirroring_goals: Complex,
+) -> Complex:
+    """Return places (n, k) of vertices in k frames, moved towards those of least energy.
+
+    gradients (t, n): see `_shape_gradients`; areas (t,): of triangles; weights (t, k): their areas
+    times the weight of their shape in a frame; goals (t, k): stretches, up to a rotation. The
+    rotations are found first, then all places by a step of one matrix, which is at least the
+    energy's in every frame: no step raises it.
+    """
+    matrix = (gradients.conj().T @ (areas[:, None] * gradients)).real
+    matrix[np.diag_indices(len(matrix))] *= 1 + 1e-6  # else singular: the energy knows no place
+    factor = scipy.linalg.cho_factor(matrix)
+    for _ in range(STEPS):
+        turning, mirroring = gradients.conj() @ places / 2, gradients @ places / 2
+        rotation = turning * turning_goals + mirroring * mirroring_goals.conj()
+        rotation /= np.maximum(abs(rotation), 1e-300)
+        turning -= rotation * turning_goals
+        mirroring -= rotation * mirroring_goals
+        slope = gradients.T @ (weights * turning) + gradients.conj().T @ (weights * mirroring)
+        step = scipy.linalg.cho_solve(factor, np.concatenate([slope.real, slope.imag], axis=1))
+        places = places - step[:, : places.shape[1]] - 1j * step[:, places.shape[1] :]
+    return places
+
+
+def _shape_gradients(points: Points, sizes: list[int]) -> tuple[Complex, Floats] | None:
+    """Return gradients (t, n) and areas (t,) of the triangles within contours (n, 2).
+
+    Row t times the values at the vertices is ∂x + i ∂y of the linear function in triangle t. A map
+    z ↦ w, both complex, turns and stretches by half its conjugate times w, and mirrors by half of
+    it times w. sizes: of the contours. None if there are no triangles that cover the area.
+    """
+    triangles, is_whole = triangulate(points, sizes)
+    areas = double_areas(points, points, triangles) / 2
+    if not is_whole:
+        return None
+    if areas.sum() < 0:
+        triangles, areas = triangles[:, ::-1], -areas
+    has_area = areas > FLAT * areas.sum()
+    triangles, areas = triangles[has_area], areas[has_area]
+    corners = (points @ [1, 1j])[triangles]
+    across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    gradients = np.zeros((len(triangles), len(points)), complex)
+    np.put_along_axis(gradients, triangles, 1j * across / (2 * areas[:, None]), axis=1)
+    return gradients, areas
