@@ -10,7 +10,6 @@ from stages.run import THREADS, report_progress, run  # isort: skip  (before num
 
 import argparse
 import os
-import re
 import shlex
 import shutil
 import subprocess
@@ -40,6 +39,7 @@ from stages.code import file_lists
 from stages.compare import OUT, load_numbers, write_comparison
 from stages.compose import compose_params, load_experiment, quoting_error
 from stages.experiment import FOLDER, Experiment
+from stages.pull import cache_committed_numbers
 from stages.repository import failure_lines, list_experiments, read_git_user, run_dvc, run_git
 from stages.settings import CONF, LOCAL, PARAMS, list_overrides, read_params
 from stages.trials import make_trials
@@ -81,8 +81,11 @@ def drop_lock_without_results(lock: Path, cache: Path) -> None:
     """
     if not lock.is_file():
         return
-    folders = re.findall(r"md5: (\w\w)(\w+\.dir)", lock.read_text("utf-8"))
-    if not all((cache / "files/md5" / head / rest).is_file() for head, rest in folders):
+    # Dependencies that git keeps, such as finloop/, are folders, too, and need not be there.
+    stages = yaml.load(lock.read_text("utf-8"), yaml.CSafeLoader)["stages"].values()
+    digests = [output["md5"] for stage in stages for output in stage.get("outs", [])]
+    folders = [digest for digest in digests if digest.endswith(".dir")]
+    if not all((cache / "files/md5" / name[:2] / name[2:]).is_file() for name in folders):
         lock.unlink()
 
 
@@ -250,6 +253,7 @@ class RunMaker(ExitStack):
         (root / APART).mkdir(exist_ok=True)
         if not self._clones:
             self._cache = run_dvc("cache", "dir", folder=root)[1].strip()
+            cache_committed_numbers(Path(self._cache))
             if self.shared:
                 self.shared = "up to date" not in run_dvc("status", *self.stages, folder=root)[1]
             apart = TemporaryDirectory(dir=root / APART, prefix=PREFIX)

@@ -109,7 +109,7 @@ class Copy:
 
     def dvc(self, *arguments: str, fails: bool = False) -> str:
         """A DVC command, in a process that does not look for garbage, as a sweep's."""
-        from stages.sweep import DVC
+        from stages.repository import DVC
 
         return self.run("python", "-c", DVC, *arguments, fails=fails)
 
