@@ -6,6 +6,7 @@ are written by it, or by the program's own library; those tests need the extra `
 
 import json
 import pickle
+import re
 import shutil
 from contextlib import chdir
 from dataclasses import replace
@@ -632,6 +633,15 @@ def write_idtracker(kind: str, folder: Path, places: np.ndarray) -> Path:
     return folder / "trajectories.h5"
 
 
+def test_other_columns_of_a_wide_csv_of_idtracker_are_left_out(tmp_path):
+    path = tmp_path / "trajectories.csv"
+    path.write_text("seconds,x1,y1,p1,x2,y2,p2\n0,1,2,0.9,3,4,0.8\n0.04,5,6,1,7,8,1\n")
+    assert arrays(load_poses(path, None, 25.0))[:, :, 0].tolist() == [
+        [[1, 2], [3, 4]],
+        [[5, 6], [7, 8]],
+    ]
+
+
 @pytest.mark.parametrize("kind", ["npy", "pickle", "csv folder", "tidy csv", "parquet", "h5"])
 def test_trajectories_of_idtracker(tmp_path, film, kind):
     places = arrays(film[1])[:, :, 2].copy()
@@ -702,13 +712,17 @@ HANDLED = {
     "Excel": lambda text: "sep=;\r\n" + text.replace(",", ";"),
     "tabs": lambda text: text.replace(",", "\t"),
     "spaces": lambda text: text.replace(",", ", "),
+    "quotes": lambda text: re.sub(r"[^,\n]+", lambda cell: f'"{cell[0]}"', text).replace(
+        ".5", ",5"
+    ),
 }
 
 
 @pytest.mark.parametrize("program", CSV_OF_PROGRAMS)
 @pytest.mark.parametrize("handle", HANDLED.values(), ids=HANDLED)
-def test_a_csv_that_went_through_other_hands_is_read(tmp_path, program, handle):
-    path = tmp_path / "käfer 1DLC_filtered.CSV"
+@pytest.mark.parametrize("ending", ["CSV", "txt"])
+def test_a_csv_that_went_through_other_hands_is_read(tmp_path, program, handle, ending):
+    path = tmp_path / f"käfer 1DLC_filtered.{ending}"
     path.write_bytes(handle(CSV_OF_PROGRAMS[program]).encode())
     poses = load_poses(path, None, 25.0)
     assert poses.frame.tolist() == [0, 3]

@@ -19,7 +19,7 @@ from finloop.base.poses import Poses, Software, poses_from_arrays
 from finloop.io.poses.extra import import_extra, not_installed_error, unreadable_error
 from finloop.io.poses.idtracker import read_idtracker
 from finloop.io.poses.keypoints import read_deeplabcut, read_sleap_csv
-from finloop.io.poses.text import first_lines, read_plain_csv
+from finloop.io.poses.text import TEXTS, first_lines, read_plain_csv
 from finloop.io.poses.trex import read_trex
 
 _BY_SUFFIX: dict[str, Software] = {
@@ -55,7 +55,7 @@ def load_poses(
         poses = read_trex(path)
     elif software in ("DeepLabCut", "LightningPose") and path.is_file():
         poses = read_deeplabcut(path, software)
-    elif software == "SLEAP" and path.suffix.lower() == ".csv":
+    elif software == "SLEAP" and path.suffix.lower() in TEXTS:
         poses = read_sleap_csv(path)
     else:
         poses = _read_by_movement(path, software, rate_hz)
@@ -73,7 +73,7 @@ def _detect_software(path: Path) -> Software:
     suffix, seen = path.suffix.lower(), ""  # seen: what the file shows, for the message
     if path.is_dir():
         software = _folder_software(path)
-    elif suffix == ".csv":
+    elif suffix in TEXTS:
         software = _csv_software(path)
     elif suffix in (".h5", ".hdf5"):
         keys = _hdf5_keys(path)
@@ -82,7 +82,7 @@ def _detect_software(path: Path) -> Software:
     else:
         software = _BY_SUFFIX.get(suffix)
     if software is None:
-        if suffix in (".csv", ".txt", ".tsv"):
+        if suffix in TEXTS:
             seen = f"; it begins with {first_lines(path)}"
         raise FinloopError(
             f"the program that made {path} is unknown{seen}",
@@ -116,7 +116,8 @@ def _csv_software(path: Path) -> Software | None:
         return "DeepLabCut"  # LightningPose writes the same
     if {"track", "frame_idx"} <= names:
         return "SLEAP"
-    if {"time", "x1", "y1"} <= names or {"frame", "individual", "x", "y"} <= names:
+    has_places = {"x1", "y1"} <= names and names & {"time", "seconds"}
+    if has_places or {"frame", "individual", "x", "y"} <= names:
         return "idtracker.ai"
     if first == "frame" and any(name.startswith("X") for name in names):
         return "TRex"
@@ -177,8 +178,8 @@ def _load_dataset(path: Path, software: Software) -> Any:
             warnings.simplefilter("ignore")
             if software == "movement":
                 dataset = xarray.load_dataset(path)
-            elif path.suffix.lower() == ".csv":
-                plain = Path(folder) / path.name
+            elif path.suffix.lower() in TEXTS:
+                plain = Path(folder) / f"{path.stem}.csv"
                 plain.write_text(read_plain_csv(path), encoding="utf-8")
                 dataset = load(plain, source_software=software).load()
             else:

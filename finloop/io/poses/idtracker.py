@@ -6,6 +6,7 @@ They hold the centre of every animal in every frame of the film, x and y in px, 
 import io
 import json
 import pickle
+import re
 from pathlib import Path
 from typing import IO, Any
 
@@ -90,12 +91,15 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
             table = pq.read_table(path)
             facts = (table.schema.metadata or {}).get(b"idtrackerai_attributes", b"{}")
             return _to_places(table.to_pandas()), json.loads(facts)
-        case ".csv":
+        case ".csv" | ".tsv" | ".txt":
             wide = pd.read_csv(io.StringIO(read_plain_csv(path)))
             if "individual" in wide:
                 return _to_places(wide), _load_facts(path.with_name("attributes_tidy.json"))
-            # The columns are time, x1, y1, x2, y2, …
-            return wide.drop(columns="time").to_numpy(float).reshape(len(wide), -1, 2), {}
+            # The columns are time or seconds, x1, y1, x2, y2, …, and perhaps probabilities.
+            places = [name for name in wide if re.fullmatch(r"[xy]\d+", name)]
+            if not places:
+                raise ValueError("it has no columns x1, y1, …")
+            return wide[places].to_numpy(float).reshape(len(wide), -1, 2), {}
     raise unreadable_error(path, SOFTWARE, "its ending is another")
 
 

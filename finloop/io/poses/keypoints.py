@@ -18,7 +18,7 @@ from finloop.base.arrays import Floats, Ints
 from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import import_extra, unreadable_error
 from finloop.io.poses.pickled import load_harmless_pickle
-from finloop.io.poses.text import read_plain_csv
+from finloop.io.poses.text import TEXTS, read_plain_csv
 
 _COORDS = ("x", "y", "likelihood")
 _KEY = "df_with_missing"  # of the table in an HDF5 file of DeepLabCut
@@ -33,7 +33,7 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
     the error stream. software: for messages, and the name of an animal that the file does not name.
     FinloopError if the file is none of these.
     """
-    read = _read_csv if path.suffix.lower() == ".csv" else _read_hdf5
+    read = _read_csv if path.suffix.lower() in TEXTS else _read_hdf5
     try:
         labels, frame, values = read(path)
     except (

@@ -12,6 +12,10 @@ from finloop.base.errors import FinloopError
 _MARKS = {  # byte-order marks
     codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16",
 }  # fmt: skip
+TEXTS = (".csv", ".tsv", ".txt")
+"""Endings of such files."""
+
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")
 _HEADER_LINES = 4  # from which the separator is found
 
 
@@ -19,9 +23,10 @@ def read_plain_csv(path: Path) -> str:
     """Return the text of a CSV file with commas between cells and points in numbers.
 
     UTF-8 and UTF-16 with a mark, UTF-8 without and Windows-1252 are read; lines may end in any way;
-    cells may be separated by comma, semicolon or tab. With the latter two, a comma between digits
-    is a decimal point. Left out are lines without content, and what stands before the header:
-    comments (#) and the separator as Excel names it (sep=). FinloopError for a file without text.
+    cells may be separated by comma, semicolon or tab. The comma of a number is a decimal one: with
+    commas between the cells, the number is quoted. Left out are lines without content, and what
+    stands before the header: comments (#) and the separator as Excel names it (sep=). FinloopError
+    for a file without text.
     """
     data = path.read_bytes()
     text = _decode(data)
@@ -37,12 +42,13 @@ def read_plain_csv(path: Path) -> str:
     text = "\n".join([*lines, ""])
     head = "\n".join(lines[:_HEADER_LINES])
     separator = max(",;\t", key=head.count)
-    if separator == "," and ", " not in head:
+    if separator == "," and ", " not in head and '"' not in text:
         return text  # it is plain already
     rows = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     plain = io.StringIO()
     csv.writer(plain, lineterminator="\n").writerows(
-        [re.sub(r"(?<=\d),(?=\d)", ".", cell) for cell in row] for row in rows
+        [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row]
+        for row in rows
     )
     return plain.getvalue()
 

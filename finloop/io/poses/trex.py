@@ -15,7 +15,7 @@ import pandas as pd
 
 from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import unreadable_error
-from finloop.io.poses.text import read_plain_csv
+from finloop.io.poses.text import TEXTS, read_plain_csv
 
 SOFTWARE, HEAD, CENTRE = "TRex", "head", "centre"
 _CENTRES = ("#wcentroid", "#centroid", "#pcentroid")
@@ -73,7 +73,7 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
     The result also has `cm_per_pixel` if the file or TRex's settings beside it state it.
     """
     try:
-        if path.suffix.lower() == ".csv":
+        if path.suffix.lower() in TEXTS:
             table = pd.read_csv(io.StringIO(read_plain_csv(path)))
             fields = {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
             if any("(px)" in name for name in table):  # places need no conversion: a scale of 1
