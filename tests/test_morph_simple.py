@@ -252,25 +252,25 @@ def test_a_bar_that_turns_keeps_its_length_on_the_way():
     """The linear frames of such a turn shrink; relaxed ones are the bar, turned."""
     bar = resample_curve(Curve(np.array([[-8, -2], [8, -2], [8, 2], [-8, 2.0]]), True), 64).points
 
-    def turned(angle):
+    def turn_bar(angle):
         c, s = np.cos(angle), np.sin(angle)
         return bar @ [[c, s], [-s, c]]
 
     share = np.linspace(0, 1, 21)[:, None, None]
-    linear = (1 - share) * bar + share * turned(2.4)
+    linear = (1 - share) * bar + share * turn_bar(2.4)
     stack = linear
     for _ in range(12):
         stack = stack + find_relaxing_moves(stack, ContourLayout((64,)))
     np.testing.assert_array_equal(stack[[0, -1]], linear[[0, -1]])
 
-    def bent(frame):
+    def misfit(frame):
         """How far a frame is from the bar, turned as fits best: any turn is as rigid."""
         z, rest = frame @ [1, 1j], bar @ [1, 1j]
         fit = rest.conj() @ (z - z.mean())
         return abs(z - z.mean() - rest * fit / abs(fit)).max()
 
-    assert max(map(bent, stack)) < 0.2
-    assert bent(linear[10]) > 4
+    assert max(map(misfit, stack)) < 0.2
+    assert misfit(linear[10]) > 4
 
 
 def test_relaxing_keeps_what_is_rigid_and_refuses_what_has_no_triangles():

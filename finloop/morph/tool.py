@@ -1,10 +1,12 @@
 """The command line of `morph`: `python -m finloop.morph a.svg b.svg -o out.svg`.
 
 Shapes of the same id form a pair; others are paired by place and shape, or by a file. The ending of
-the output selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json.
+the output selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json. .html is a page
+to try pairs, methods and weights.
 """
 
 import argparse
+import shlex
 from fractions import Fraction
 from pathlib import Path
 
@@ -16,7 +18,9 @@ from finloop.base.tool import (
     run_tool,
 )
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
+from finloop.io.atomic import save_bytes
 from finloop.io.svg import load_svg
+from finloop.morph import trial
 from finloop.morph.layers import (
     METHODS,
     PhysicalOptions,
@@ -24,7 +28,10 @@ from finloop.morph.layers import (
     there_and_back,
 )
 from finloop.morph.match import FULL, Resolution
-from finloop.morph.pairs import FORM, match_drawings
+from finloop.morph.pairs import FORM, load_pairing, match_drawings
+
+FRAMES, POINTS = 60, 256  # without options
+PAGE = ".html"
 
 
 def main(arguments: list[str] | None = None, program: str = "python -m finloop.morph") -> int:
@@ -38,20 +45,44 @@ def main(arguments: list[str] | None = None, program: str = "python -m finloop.m
 
 def _write_morph(options: argparse.Namespace) -> str:
     """Write the morph that the command line's options describe; return its summary."""
+    is_page = options.output.suffix.lower() == PAGE
+    usual_frames, usual_points = (trial.FRAMES, trial.POINTS) if is_page else (FRAMES, POINTS)
+    frames = usual_frames if options.frames is None else options.frames
+    points = usual_points if options.points is None else options.points
+    if is_page:
+        return _write_trial_page(options, frames, points)
     find_morph_writer(options.output)  # check the ending first
     a, b, pairing = match_drawings(load_svg(options.a), load_svg(options.b), options.pairs)
     result = morph_drawings(
         a,
         b,
         options.method,
-        options.frames,
-        options.points,
+        frames,
+        points,
         resolution=Resolution(options.level, options.wavelet or FULL.wavelet),
         physics=PhysicalOptions(options.elastic, options.damping, options.mass),
     )
     shown = there_and_back(result) if options.back else result
     lost = save_animation(options.output, shown, options.fps, options.size)
     return "; ".join(filter(None, [_summarise_morph(result), pairing, lost]))
+
+
+def _write_trial_page(options: argparse.Namespace, frames: int, points: int) -> str:
+    """Write the page to try the morph that the command line's options describe, and summarise."""
+    content, summary = trial.build_trial_page(
+        load_svg(options.a),
+        load_svg(options.b),
+        load_pairing(options.pairs) if options.pairs else None,
+        (shlex.quote(str(options.a)), shlex.quote(str(options.b))),
+        trial.TrialOptions(
+            frames,
+            points,
+            Resolution(options.level, options.wavelet or FULL.wavelet),
+            PhysicalOptions(options.elastic, options.damping, options.mass),
+        ),
+    )
+    save_bytes(options.output, content.encode())
+    return summary
 
 
 def _summarise_morph(result: Morph) -> str:
@@ -75,15 +106,25 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     parser.add_argument("a", type=Path, help="the first drawing, SVG")
     parser.add_argument("b", type=Path, help="the second drawing")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, help=f"output file: {', '.join(ENDINGS)}"
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help=f"output file: {', '.join(ENDINGS)}, or {PAGE}: a page to try it",
     )
     parser.add_argument("--pairs", type=Path, help=f"YAML: {FORM}")
     parser.add_argument("--method", choices=METHODS, default="fold_free", help="default: fold_free")
-    parser.add_argument("--frames", type=int, default=60, help="including both ends (default 60)")
+    parser.add_argument(
+        "--frames",
+        type=int,
+        help=f"including both ends (default {FRAMES}, of a page {trial.FRAMES})",
+    )
     parser.add_argument(
         "--fps", type=parse_frame_rate, default=Fraction(30), help="frames/s, default 30"
     )
-    parser.add_argument("--points", type=int, default=256, help="per contour (default 256)")
+    parser.add_argument(
+        "--points", type=int, help=f"per contour (default {POINTS}, of a page {trial.POINTS})"
+    )
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     parser.add_argument("--back", action="store_true", help="append the morph in reverse")
     add_resolution_options(parser, "the physical stiffness", FULL.wavelet)
