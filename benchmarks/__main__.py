@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 NAMES = ("speed", "memory", "accuracy", "bpn", "distance", "animate", "render", "puppet", "curve",
-         "morph", "table2")  # fmt: skip
+         "morph", "forces", "table2")  # fmt: skip
 
 if __name__ == "__main__":
     for name in NAMES:

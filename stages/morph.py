@@ -29,6 +29,8 @@ from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_figure, save_picture
 from finloop.io.svg import load_svg
 from finloop.io.table import save_csv
+from finloop.morph.force_list import parse_forces
+from finloop.morph.in_forces import move_drawing
 from finloop.morph.layers import (
     METHODS,
     PhysicalOptions,
@@ -223,16 +225,23 @@ def main() -> None:
     if pairing:
         print(f"morph: {pairing}", file=sys.stderr)
     resolution = Resolution(p.level, p.wavelet)
-    physics = PhysicalOptions(p.elasticity, p.damping, p.mass)
+    physics = PhysicalOptions(p.elasticity, p.damping, p.mass, p.stiffness_damping)
+    forces = parse_forces(p.forces)
+    rate = Fraction(p.frame_rate_hz).limit_denominator(1001)  # 30000/1001 Hz is exact
     with report_progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
         morphs = {}
+        given = p.contour_points, resolution, physics
         for method in METHODS:
-            morphs[method] = morph_drawings(
-                *drawings, method, p.frames, p.contour_points, resolution, physics
-            )
+            if forces and method == "physical":
+                motion = move_drawing(first, last, forces, p.frames, rate, *given)
+                morphs[method] = motion.morph
+                rest_time = motion.rest_time
+                numbers["rest_time_s"] = float("nan") if rest_time is None else rest_time
+            else:
+                morphs[method] = morph_drawings(first, last, method, p.frames, *given)
             advance()
-        film = there_and_back(morphs[p.method]) if p.back else morphs[p.method]
-        rate = Fraction(p.frame_rate_hz).limit_denominator(1001)  # 30000/1001 Hz is exact
+        is_there_and_back = p.back and not forces  # nothing falls upwards
+        film = there_and_back(morphs[p.method]) if is_there_and_back else morphs[p.method]
         with whole_folder(OUT) as folder:
             for ending in ENDINGS:
                 save_animation(folder / f"{p.method}{ending}", film, rate, p.size_px)

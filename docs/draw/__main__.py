@@ -1,6 +1,8 @@
 """Draw all pictures: `python -m docs.draw`; from a finished run: `python -m docs.draw FOLDER`."""
 
 import argparse
+import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -119,6 +121,14 @@ def draw_drawings() -> None:
         subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
 
 
+def draw_forces() -> None:
+    """Save the moving drawings of docs/forces.md, by the commands that stand there."""
+    page = (ROOT / "docs/forces.md").read_text(encoding="utf-8")
+    for command in re.findall(r"^\.venv/bin/python (-m finloop\.morph .*)$", page, re.MULTILINE):
+        words = [sys.executable, *shlex.split(command)]
+        subprocess.run(words, cwd=ROOT, check=True, capture_output=True)
+
+
 def draw_all(folder: Path) -> None:
     """Save all pictures from one run of the pipeline."""
     draw_panels(folder)
@@ -127,6 +137,7 @@ def draw_all(folder: Path) -> None:
     save_film(PICTURES / "tank.webp", (resize_picture(one, TANK_PX) for one in tank))
     save_still(PICTURES / "planner.webp", search_picture(folder))
     draw_drawings()
+    draw_forces()
     save_still(PICTURES / "live.webp", live_tank(folder, SENT))
     save_still(PICTURES / "report.webp", resize_picture(report(folder), REPORT_PX))
 

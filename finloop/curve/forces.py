@@ -1,22 +1,25 @@
-"""Curves that move in fields of force: gravity, attraction, wind, a floor (curve paper §3.1, §4.2).
+"""Curves that move in fields of force: gravity, wind, attraction, a floor (curve paper §3.1, §4.2).
 
-Q of Eq. 3.3 is constant or a function of place. The stiffness is solved exactly, as in
-`curve.dynamics`; over a short step the force counts as constant, with its value at the middle of
-the step. So the step need not follow the stiffness, and halving it quarters the error.
+Q of Eq. 3.3 is constant or a function of place and time. Its linear part, drag × velocity and
+attraction × place, joins C and K, so it is solved exactly, as in `curve.dynamics`. What is left
+counts as constant over a short step, with its value at the middle of the step: exact where it is
+constant, and halving the step quarters the error elsewhere. The force that holds a point is found
+anew in each step: it brings the point back to its place. After each step, points below the floor
+are set onto it.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.dynamics import (
-    Material,
     Numbers,
     Problem,
-    Response,
     Trajectory,
     convert_problem,
     curve_oscillators,
@@ -24,126 +27,273 @@ from finloop.curve.dynamics import (
     oscillator_response,
 )
 
-Field = Callable[[Floats, Floats], Floats]
-"""A force per length (n, 2) from places (n, 2) and velocities (n, 2) of a curve's points."""
+AT_REST = 0.01
+"""Share of its top speed (RMS of the points) below which a curve counts as at rest."""
 
-STEP_LIMIT = 0.5
-"""Largest step, in units of the time in which the forces change a point's motion."""
+
+@dataclass(frozen=True)
+class Wind:
+    """Air that pulls each point along with `drag` × (velocity of the air − velocity of the point).
+
+    gust: share of the wind's speed. With it, eddies travel with the wind (Taylor's frozen
+    turbulence): at a place the wind gains gust × speed in a direction that turns round once while
+    an eddy, `gust_length` long, passes.
+    """
+
+    velocity: tuple[float, float]
+    drag: float
+    gust: float = 0.0
+    gust_length: float = 1.0
+
+    def gust_velocity(self, places: Floats, time: float) -> Floats:
+        """Return the velocity (…, 2) of the gusts at places (…, 2) and a time."""
+        along = np.asarray(self.velocity)
+        speed = float(np.hypot(*along)) or 1.0
+        across = np.array([-along[1], along[0]])
+        phase = 2 * np.pi * (places @ (along / speed) - speed * time) / self.gust_length
+        return self.gust * (np.sin(phase)[..., None] * along + np.cos(phase)[..., None] * across)
+
+
+@dataclass(frozen=True)
+class Attraction:
+    """A pull of each point of a curve to the nearest of `points` (m, 2): `strength` × its offset.
+
+    points: one, or those of a curve, as close together as the motion shall be smooth.
+    """
+
+    points: Floats
+    strength: float
 
 
 @dataclass(frozen=True)
 class Forces:
-    """Forces per length on a curve in the plane, y down, in units of the drawing and of time.
+    """Forces per length on curves in the plane, y down, in units of the drawing and of time.
 
-    gravity (2,): acceleration; it moves nothing without density. wind (2,): velocity of the air,
-    which pulls each point along with `drag` × (wind − velocity). attractors (k, 2): points, such as
-    those of a curve; each point of the curve is pulled to the nearest with `attraction` × its
-    offset. floor: its y; below it a spring `floor_stiffness` × depth pushes up, and `floor_damping`
-    × velocity brakes.
+    gravity: acceleration; it moves nothing without density. floor: its y, below which no point
+    goes. A point that hits it stops there, without a bounce; `friction` is the share of the lost
+    velocity that it loses along the floor, too (Coulomb). is_held (n, k): points of k curves that
+    keep their places at rest. FinloopError for numbers that are not finite, or negative strengths.
     """
 
     gravity: tuple[float, float] = (0.0, 0.0)
-    wind: tuple[float, float] = (0.0, 0.0)
-    drag: float = 0.0
-    attractors: Floats | None = None
-    attraction: float = 0.0
+    winds: tuple[Wind, ...] = ()
+    attractions: tuple[Attraction, ...] = ()
     floor: float | None = None
-    floor_stiffness: float = 1000.0
-    floor_damping: float = 10.0
+    friction: float = 0.0
+    is_held: NDArray[np.bool_] | None = None
 
-    def field(self, density: float) -> Field:
-        """Return the force on the points of a curve of a density, as a function of its motion."""
-
-        def force(places: Floats, velocities: Floats) -> Floats:
-            total = np.broadcast_to(density * np.asarray(self.gravity), places.shape)
-            total = total + self.drag * (np.asarray(self.wind) - velocities)
-            if self.attractors is not None:
-                offsets = np.asarray(self.attractors) - places[:, None]
-                nearest = (offsets**2).sum(axis=2).argmin(axis=1)
-                total = total + self.attraction * offsets[np.arange(len(places)), nearest]
-            if self.floor is not None:
-                depth = np.maximum(places[:, 1] - self.floor, 0.0)
-                total = total - self.floor_damping * velocities * (depth > 0)[:, None]
-                total[:, 1] -= self.floor_stiffness * depth
-            return total
-
-        return force
-
-    def fastest_rate(self, material: Material) -> float:
-        """Return the largest rate at which the forces change a point's motion, 1 / time.
-
-        FinloopError without density, if wind or floor brake as much as the material: then no step
-        is short enough.
-        """
-        has_floor = self.floor is not None
-        springs = self.attraction + (self.floor_stiffness if has_floor else 0.0)
-        brakes = self.drag + (self.floor_damping if has_floor else 0.0)
-        if material.density:
-            rates = np.sqrt(springs / material.density), brakes / material.density
-            return float(max(rates))
-        if brakes >= material.mass_damping:
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        sizes = [self.friction, *(pull.strength for pull in self.attractions)]
+        sizes += [size for wind in self.winds for size in (wind.drag, wind.gust, wind.gust_length)]
+        places = [*self.gravity, 0.0 if self.floor is None else self.floor]
+        places += [speed for wind in self.winds for speed in wind.velocity]
+        targets = [np.ravel(pull.points) for pull in self.attractions]
+        is_finite = np.isfinite(np.concatenate([sizes, places, *targets])).all()
+        if not is_finite or min(sizes) < 0 or any(wind.gust_length == 0 for wind in self.winds):
             raise FinloopError(
-                f"no density, drag and floor damping {brakes:g}, damping {material.mass_damping:g}",
-                "a density above 0, or brakes below the damping",
-                "set a density",
+                f"the forces {self}",
+                "finite numbers; drag, gust, strength and friction of 0 or more, gust_length above",
+                "correct the forces",
             )
-        return springs / (material.mass_damping - brakes)
+
+    @property
+    def drag(self) -> float:
+        """Return the drag of all winds."""
+        return sum(wind.drag for wind in self.winds)
+
+    @property
+    def pull(self) -> float:
+        """Return the strength of all attractions."""
+        return sum(attraction.strength for attraction in self.attractions)
 
 
-def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 20) -> Trajectory:
-    """Return the motion of a curve in fields of force: M q̈ + C q̇ + K q = Q(q, q̇) (Eq. 3.3).
+class _Field(NamedTuple):
+    """What forces do beyond drag × velocity and attraction × place, per length.
 
-    problem: its times are evenly spaced, its own force is added to the others. substeps: steps
-    between two times. FinloopError if the problem is invalid, its times are uneven, or the steps
-    are too long for the forces; the message says how many will do.
+    constant (n, k, 2): what does not change; varying: the rest, from places (n, k, 2) and a time,
+    None if there is none.
+    """
+
+    constant: Floats
+    varying: Callable[[Floats, float], Floats] | None
+
+
+def _split_forces(forces: Forces, density: float, rest: Floats) -> _Field:
+    """Return the constant and the varying part of the forces on curves with rest shapes (n, k, 2).
+
+    density: of the curves. The linear part is in `Forces.drag` and `Forces.pull`.
+    """
+    constant = density * np.asarray(forces.gravity, float) - forces.pull * rest
+    targets = []
+    for attraction in forces.attractions:
+        points = np.reshape(attraction.points, (-1, 2))
+        if len(points) == 1:
+            constant = constant + attraction.strength * points[0]
+        else:
+            # Which point is nearest needs few digits: argmax of x · p − |p|² / 2.
+            offsets = (points - points[0]).astype(np.float32)
+            lengths = (offsets**2).sum(axis=1) / 2
+            targets.append((attraction.strength, points, offsets.T, lengths))
+    for wind in forces.winds:
+        constant = constant + wind.drag * np.asarray(wind.velocity)
+    gusty = [wind for wind in forces.winds if wind.gust]
+
+    def vary(places: Floats, time: float) -> Floats:
+        """Return the force per length (n, k, 2) that depends on places and time."""
+        total = np.zeros_like(places)
+        for wind in gusty:
+            total += wind.drag * wind.gust_velocity(places, time)
+        for strength, points, offsets, lengths in targets:
+            closeness = (places - points[0]).astype(np.float32) @ offsets - lengths
+            total += strength * points[closeness.argmax(axis=-1)]
+        return total
+
+    return _Field(constant, vary if gusty or targets else None)
+
+
+def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 4) -> Trajectory:
+    """Return the motion of curves in fields of force: M q̈ + C q̇ + K q = Q(q, q̇, t) (Eq. 3.3).
+
+    problem: of k curves beside each other, d = 2k, x and y of each in turn; its times are evenly
+    spaced, its own force is added to the others. substeps: steps between two times. FinloopError if
+    the problem is invalid, its times are uneven, or a curve begins below the floor.
     """
     problem = convert_problem(problem)
     material, times = problem.material, problem.times
-    intervals = np.diff(times)
+    n, intervals = len(problem.rest), np.diff(problem.times)
     if substeps < 1:
-        raise FinloopError(f"{substeps} steps between two times", "1 or more", "set 20")
+        raise FinloopError(f"{substeps} steps between two times", "1 or more", "set 4")
     if not len(intervals) or not np.allclose(intervals, intervals[0], rtol=1e-9):
         raise FinloopError(
             "times that are not evenly spaced", "two times or more, evenly spaced", "space them"
         )
-    step = float(intervals[0]) / substeps
-    rate = forces.fastest_rate(material)
-    if step * rate > STEP_LIMIT:
+    rest = problem.rest.reshape(n, -1, 2)
+    start = problem.state_at_start()
+    lowest = float((problem.rest + start[0]).reshape(n, -1, 2)[..., 1].max())
+    if forces.floor is not None and lowest > forces.floor + 1e-9 * (1 + abs(lowest)):
         raise FinloopError(
-            f"{substeps} steps between two times, for forces that act within {1 / rate:.2g}",
-            f"steps of at most {STEP_LIMIT / rate:.2g}",
-            f"set {int(np.ceil(intervals[0] * rate / STEP_LIMIT))} steps, or softer forces",
+            f"a floor at y = {forces.floor:g} above the lower end of the drawing, y = {lowest:.4g}",
+            f"a floor at {lowest:.4g} or below, that is larger",
+            "lower the floor, or raise the drawing",
         )
+    step = float(intervals[0]) / substeps
     basis = fourier_basis(problem)
     oscillators = curve_oscillators(basis, material)
-    both = oscillator_response(oscillators, np.array([step / 2, step]))
-    half, whole = (Response(*(factor[k] for factor in both)) for k in (0, 1))
-    field, constant = forces.field(material.density), problem.force_on_points()
-
-    def push(places: Numbers, speeds: Numbers) -> Numbers:
-        """Return the coefficients of the force, from those of displacement and velocity."""
-        now = problem.rest + basis.inverse(places)
-        return basis.transform(field(now, basis.inverse(speeds)) + constant)
-
-    places, speeds = map(basis.transform, problem.state_at_start())
-    motion = [np.stack([basis.inverse(places), basis.inverse(speeds)])]
-    for _ in intervals:
-        for _ in range(substeps):
-            middle = _advance(half, places, speeds, push(places, speeds))
-            places, speeds = _advance(whole, places, speeds, push(*middle))
-        motion.append(np.stack([basis.inverse(places), basis.inverse(speeds)]))
-    shapes = np.stack(motion, axis=1)
-    return Trajectory(times, shapes[0], shapes[1])
-
-
-def _advance(
-    response: Response, places: Numbers, speeds: Numbers, force: Numbers
-) -> tuple[Numbers, Numbers]:
-    """Return places and speeds of oscillators (m, d) after a step with a constant force."""
-    by_place, by_speed, by_force, place_rate, speed_rate, force_rate = (
-        factor[:, None] for factor in response
+    oscillators = replace(
+        oscillators,
+        damping=oscillators.damping + forces.drag,
+        stiffness=oscillators.stiffness + forces.pull,
     )
-    return (
-        by_place * places + by_speed * speeds + by_force * force,
-        place_rate * places + speed_rate * speeds + force_rate * force,
-    )
+    response = np.stack(oscillator_response(oscillators, np.array([step / 2, step])))
+    factors = np.moveaxis(response, 1, 0).reshape(2, 2, 3, -1, 1)  # step, place or rate, of what
+    half, whole = (np.moveaxis(factor, 1, 0) for factor in factors)
+    holds = _find_holds(forces.is_held, basis.inverse(whole[2, 0])[:, 0])
+    field = _split_forces(forces, material.density, rest)
+    constant = basis.transform(field.constant.reshape(n, -1) + problem.force_on_points())
+
+    def push(places: Numbers, time: float) -> Numbers:
+        """Return the coefficients of the force at the coefficients of a displacement."""
+        if field.varying is None:
+            return constant
+        places_now = rest + basis.inverse(places).reshape(rest.shape)
+        return constant + basis.transform(field.varying(places_now, time).reshape(n, -1))
+
+    state: Numbers = np.stack([basis.transform(part) for part in start])
+    motion, force = [start], push(state[0], float(times[0]))
+    for number in range(len(intervals) * substeps):
+        time = times[0] + number * step
+        if field.varying is not None:  # the last force is good enough to find the middle
+            force = push(_advance(half[:, 0], state, force), time + step / 2)
+        state = _advance(whole, state, force)
+        is_shown = (number + 1) % substeps == 0
+        if holds:
+            away = basis.inverse(state[0]).reshape(rest.shape)
+            state = state + whole[2] * basis.transform(_holding_force(holds, away).reshape(n, -1))
+        if is_shown or forces.floor is not None or holds:
+            points = basis.inverse(state)
+            if _constrain(points.reshape(2, *rest.shape), rest, forces):
+                state = np.fft.rfft(points, axis=1)
+            if is_shown:
+                motion.append(points)
+    displacement, velocity = np.stack(motion, axis=1)
+    return Trajectory(times, displacement, velocity)
+
+
+def _advance(factors: Numbers, state: Numbers, force: Numbers) -> Numbers:
+    """Return places and speeds (2, m, d) of oscillators after a step with a constant force.
+
+    factors: of place, speed and force, (3, 2, m, 1); with (3, m, 1) places (m, d) are returned.
+    """
+    return np.asarray(factors[0] * state[0] + factors[1] * state[1] + factors[2] * force)
+
+
+class _Hold(NamedTuple):
+    """Held points (h,) of a curve, and the forces (h, h) that move one of them by 1 in a step."""
+
+    curve: int
+    points: NDArray[np.intp]
+    forces: Floats
+
+
+def _find_holds(is_held: NDArray[np.bool_] | None, response: Floats) -> list[_Hold]:
+    """Return the holds of the curves that have some.
+
+    is_held (n, k); response (n,): how far a force of 1 on point 0 moves each point in a step.
+    """
+    holds = []
+    for curve in range(0 if is_held is None else is_held.shape[1]):
+        points = np.flatnonzero(is_held[:, curve])  # type: ignore[index]
+        if len(points):
+            matrix = response[(points[:, None] - points) % len(response)]
+            holds.append(_Hold(curve, points, np.linalg.inv(matrix)))
+    return holds
+
+
+def _holding_force(holds: Sequence[_Hold], away: Floats) -> Floats:
+    """Return the force (n, k, 2) that brings held points to their places in a step.
+
+    away (n, k, 2): displacements at the end of the step without it.
+    """
+    force = np.zeros_like(away)
+    for curve, points, forces in holds:
+        force[points, curve] = -forces @ away[points, curve]
+    return force
+
+
+def _constrain(state: Floats, rest: Floats, forces: Forces) -> bool:
+    """Set points onto the floor, and back to where they are held; return whether any moved.
+
+    state (2, n, k, 2): displacements and velocities, changed in place; rest (n, k, 2).
+    """
+    displacement, velocity = state
+    moved = False
+    if forces.floor is not None:
+        room = forces.floor - rest[..., 1]  # largest y of a displacement
+        is_below = displacement[..., 1] > room
+        if is_below.any():
+            moved = True
+            displacement[is_below, 1] = room[is_below]
+            lost = np.maximum(velocity[is_below, 1], 0.0)
+            slide = velocity[is_below, 0]
+            velocity[is_below, 1] -= lost
+            velocity[is_below, 0] -= np.clip(slide, -forces.friction * lost, forces.friction * lost)
+    if forces.is_held is not None:
+        moved = True
+        state[:, forces.is_held] = 0.0
+    return moved
+
+
+def find_rest_time(motion: Trajectory) -> float | None:
+    """Return from when on a curve is at rest: its speed stays below AT_REST of its top speed.
+
+    Speeds are the RMS of all points, from each time to the next, as a viewer sees them. None if the
+    curve does not come to rest.
+    """
+    steps = np.diff(motion.displacement, axis=0)
+    speed = np.sqrt((steps**2).mean(axis=(1, 2))) / np.diff(motion.times)
+    moving = np.flatnonzero(speed > AT_REST * speed.max())
+    if not len(moving):
+        return float(motion.times[0])
+    after = int(moving[-1]) + 1
+    return float(motion.times[after]) if after < len(speed) else None

@@ -33,7 +33,7 @@ Json = dict[str, Any]
 
 
 @dataclass
-class _Part:
+class _SlotMesh:
     """The area or the line of a shape: vertices that move, and their triangles for some frames."""
 
     name: str
@@ -131,9 +131,9 @@ def _xy(point: Points, decimals: int) -> Json:
 # --- what is shown: areas and lines of shapes
 
 
-def _build_parts(morph: Morph) -> tuple[list[_Part], list[str]]:
+def _build_parts(morph: Morph) -> tuple[list[_SlotMesh], list[str]]:
     """Return the areas and lines of a morph's shapes, lowest first, and what Spine cannot hold."""
-    parts = list[_Part]()
+    parts = list[_SlotMesh]()
     lost: dict[str, list[str]] = {}
     count = len(morph.tau)
     frames = [*range(count), morph.end_frame]
@@ -158,7 +158,7 @@ def _build_parts(morph: Morph) -> tuple[list[_Part], list[str]]:
                 if number:
                     lost.setdefault(what, []).append(f"{name} in {number} of {count}")
             colours = _slot_colours(shapes, frames, "fill", morph)
-            parts.append(_Part(f"fill:{name}", vertices, sizes[0], meshes, colours))
+            parts.append(_SlotMesh(f"fill:{name}", vertices, sizes[0], meshes, colours))
         if any(paint.stroke is not None for paint in paints):
             parts.append(_line_part(morph, shapes, frames))
     return parts, [f"Spine has {what}: {', '.join(names)}" for what, names in lost.items()]
@@ -244,7 +244,7 @@ def _last_frame(stack: Points, frame: int, triangles: Ints) -> int:
 # --- lines, as areas
 
 
-def _line_part(morph: Morph, shapes: Sequence[Shape], frames: Sequence[int]) -> _Part:
+def _line_part(morph: Morph, shapes: Sequence[Shape], frames: Sequence[int]) -> _SlotMesh:
     """Return the lines of a shape, given in every frame, as a strip along each contour."""
     half_widths = np.array([shapes[frame].paint.width / 2 for frame in frames])
     strips, triangles, hull, offset = list[Points](), list[Ints](), 0, 0
@@ -262,7 +262,7 @@ def _line_part(morph: Morph, shapes: Sequence[Shape], frames: Sequence[int]) -> 
     mesh = (0, len(frames) - 1, np.concatenate(triangles))
     colours = _slot_colours(shapes, frames, "stroke", morph)
     name = f"line:{shapes[0].name}"
-    return _Part(name, np.concatenate(strips, axis=1), hull, [mesh], colours)
+    return _SlotMesh(name, np.concatenate(strips, axis=1), hull, [mesh], colours)
 
 
 def _outline_line(points: Points, closed: bool, half_widths: Floats) -> Points:

@@ -7,7 +7,7 @@ and physical (Fig. 5); neither avoids folds.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from math import ceil, log10
+from math import ceil, inf, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -45,12 +45,25 @@ FADE = 0.25
 class PhysicalOptions(NamedTuple):
     """Settings of the physical morph: elastic constant e₀, damping c and density ρ (`mass`).
 
-    By default the curve swings a little and settles.
+    c is s₁ρ of Eq. 3.5, and `stiffness_damping` its s₂. By default the curve swings a little and
+    settles.
     """
 
     elastic: float = 1.0
     damping: float = 8.0
     mass: float = 1.0
+    stiffness_damping: float = 0.0
+
+
+def physical_material(physics: PhysicalOptions) -> Material:
+    """Return the material of a physical morph; without mass, c itself resists (§3.3)."""
+    damping, mass = physics.damping, physics.mass
+    return Material(
+        density=mass,
+        elastic=physics.elastic,
+        mass_damping=damping / mass if mass > 0 else damping,
+        stiffness_damping=physics.stiffness_damping,
+    )
 
 
 def morph_drawings(
@@ -78,6 +91,7 @@ def morph_drawings(
             f"the method {method!r}", f"one of {', '.join(METHODS)}", "choose one of these"
         )
     check_sizes("morph", frames, points, 2)
+    check_physics(physics)
     shapes_a, shapes_b = layers_by_shape(a.curves), layers_by_shape(b.curves)
     _check_shapes(shapes_a, shapes_b)
     b = fit_drawing(b, a.width, a.height)
@@ -378,27 +392,24 @@ def release_curve(
     """Return the motion (frames, n, 2) of a curve that is bent into a shape and released.
 
     shape, rest (n, 2): the curve bent, and at rest, which the last frame is; closed: whether it is.
-    The motion is ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1; ρ, c and e₀ are those of `physics`.
-    With a level, only its control points are solved. Mode m of a closed curve swings m √(e₀/ρ)
-    times, of an open curve half as often. With little damping the curve overshoots, with much it
-    creeps, without mass it does not swing.
+    The motion is ρ ü + (c + s₂K) u̇ + K u = 0 (Eq. 3.3) in a time of 1; ρ, c, s₂ and e₀ are those
+    of `physics`. With a level, only its control points are solved. Mode m of a closed curve swings
+    m √(e₀/ρ) times, of an open curve half as often. With little damping the curve overshoots, with
+    much it creeps, without mass it does not swing.
 
     No stiffness holds the mean of the points, so it is moved as the slowest mode moves.
     FinloopError if n is no power of two, the resolution does not exist for n points, or mass and
     damping are both 0.
     """
-    elastic, damping, mass = physics
     offset = shape - rest
     mean_offset = offset.mean(axis=0)
     bend = offset - mean_offset if closed else close_by_mirroring(offset - mean_offset)
     # One swing along the closed curve: the shape of the slowest mode.
     slowest = np.cos(2 * np.pi * (np.arange(len(bend)) + 0.5) / len(bend))
-    mass_damping = damping / mass if mass > 0 else damping
-    material = Material(density=mass, elastic=elastic, mass_damping=mass_damping)
     times = np.linspace(0, 1, frames)
     start = np.column_stack([bend, slowest])  # x, y, and a third coordinate for the mean's motion
     at_rest = np.zeros_like(start)
-    problem = Problem(at_rest, start, material, times, wavelet=resolution.wavelet)
+    problem = Problem(at_rest, start, physical_material(physics), times, wavelet=resolution.wavelet)
     motion = solve_motion(problem, level=resolution.level).displacement
     mean_factor = motion[:, 0, 2] / motion[0, 0, 2]  # how much is left of the slowest mode
     displacement = motion[:, : len(rest), :2] + mean_factor[:, None, None] * mean_offset
@@ -440,6 +451,18 @@ def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
         pins={name: pins * scale + shift for name, pins in drawing.pins.items()},
         cuts={name: cuts * scale + shift for name, cuts in drawing.cuts.items()},
     )
+
+
+def check_physics(physics: PhysicalOptions) -> None:
+    """Raise FinloopError for settings that are not finite, or negative, or resist no shift."""
+    values = physics._asdict()
+    wrong = [f"{name} {value:g}" for name, value in values.items() if not 0 <= value < inf]
+    if physics.mass == physics.damping == 0:
+        wrong.append("mass 0 and damping 0: nothing resists a shift")
+    if wrong:
+        raise FinloopError(
+            ", ".join(wrong), "finite numbers of 0 or more, and a mass or a damping", "correct them"
+        )
 
 
 def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:

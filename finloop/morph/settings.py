@@ -5,7 +5,9 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from finloop.base.errors import FinloopError
 from finloop.base.settings import NotNegative
+from finloop.morph.force_list import parse_forces
 
 
 @dataclass(frozen=True)
@@ -21,12 +23,14 @@ class MorphSettings:
     level: Annotated[int, Field(ge=0, le=10)]
     elasticity: NotNegative
     damping: NotNegative
+    mass: NotNegative
+    stiffness_damping: NotNegative
+    forces: tuple[str, ...]
     wavelet: str
 
     # path of an SVG: one closed contour, bent and let go as in Figs. 6, 7
     hoop: ClassVar[str] = "data/drawings/hoop.svg"
     glyph: ClassVar[str] = "3"  # a character; Fig. 2 shows its outline at every scale
-    mass: ClassVar[float] = 1.0  # ρ of the physical morph; elasticity and damping are against it
     back: ClassVar[bool] = True  # the film goes there and back, so that it can be played endlessly
     frame_rate_hz: ClassVar[float] = 30.0  # frames/s of the films; what every player plays
     size_px: ClassVar[int] = 512  # px, longer side of the films; the SVG has any size
@@ -39,8 +43,16 @@ class MorphSettings:
     }
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a number of points that the wavelet transform cannot halve."""
+        """Raise ValueError for points that cannot be halved, a wrong force, or one without use."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")
         if self.contour_points >> self.level < 4:
             raise ValueError("level leaves a contour fewer than 4 control points")
+        if self.forces and self.method != "physical":
+            raise ValueError("forces move bodies with mass and springs: set method=physical")
+        if not self.mass and not self.damping:
+            raise ValueError("mass and damping are both 0: nothing resists a shift")
+        try:
+            parse_forces(self.forces)
+        except FinloopError as error:
+            raise ValueError(str(error)) from error

@@ -1,8 +1,9 @@
 """The command line of `morph`: `python -m finloop.morph a.svg b.svg -o out.svg`.
 
-Shapes of the same id form a pair; others are paired by place and shape, or by a file. The ending of
-the output selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json. .html is a page
-to try pairs, methods and weights.
+Shapes of the same id form a pair; others are paired by place and shape, or by a file. With --force
+one drawing is enough: it moves by gravity, wind, attraction, on a floor. The ending of the output
+selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json. .html is a page to try
+pairs, methods and weights.
 """
 
 import argparse
@@ -11,6 +12,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from finloop.base.drawing import Morph
+from finloop.base.errors import FinloopError
 from finloop.base.tool import (
     add_resolution_options,
     format_frame_counts,
@@ -21,6 +23,8 @@ from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.atomic import save_bytes
 from finloop.io.svg import load_svg
 from finloop.morph import trial
+from finloop.morph.force_list import FORMS, parse_forces
+from finloop.morph.in_forces import describe_rest, move_drawing
 from finloop.morph.layers import (
     METHODS,
     PhysicalOptions,
@@ -52,34 +56,56 @@ def _write_morph(options: argparse.Namespace) -> str:
     if is_page:
         return _write_trial_page(options, frames, points)
     find_morph_writer(options.output)  # check the ending first
-    a, b, pairing = match_drawings(load_svg(options.a), load_svg(options.b), options.pairs)
-    result = morph_drawings(
-        a,
-        b,
-        options.method,
-        frames,
-        points,
-        resolution=Resolution(options.level, options.wavelet or FULL.wavelet),
-        physics=PhysicalOptions(options.elastic, options.damping, options.mass),
-    )
+    forces, method = parse_forces(options.force), options.method
+    if options.b is None and not forces:
+        raise FinloopError(
+            "one drawing and no force", "a second drawing, or what moves the first", "add --force"
+        )
+    if forces and (method not in (None, "physical") or options.back):
+        raise FinloopError(
+            "--force with --back" if options.back else f"--force with --method {method}",
+            "--force alone: only bodies with mass and springs feel it, and none moves back in time",
+            "leave the other option out",
+        )
+    a, pairing = load_svg(options.a), ""
+    b = a
+    if options.b is not None:
+        a, b, pairing = match_drawings(a, load_svg(options.b), options.pairs)
+    given, rest = (points, *_curve_options(options)), ""
+    if forces:
+        motion = move_drawing(a, b, forces, frames, options.fps, *given)
+        result, rest = motion.morph, describe_rest(motion.rest_time)
+    else:
+        result = morph_drawings(a, b, method or "fold_free", frames, *given)
     shown = there_and_back(result) if options.back else result
     lost = save_animation(options.output, shown, options.fps, options.size)
-    return "; ".join(filter(None, [_summarise_morph(result), pairing, lost]))
+    return "; ".join(filter(None, [_summarise_morph(result), rest, pairing, lost]))
+
+
+def _curve_options(options: argparse.Namespace) -> tuple[Resolution, PhysicalOptions]:
+    """Return at which level curves are solved, and of which material they are."""
+    return Resolution(options.level, options.wavelet or FULL.wavelet), PhysicalOptions(
+        options.elastic, options.damping, options.mass, options.stiffness_damping
+    )
 
 
 def _write_trial_page(options: argparse.Namespace, frames: int, points: int) -> str:
-    """Write the page to try the morph that the command line's options describe, and summarise."""
+    """Write the page to try the morph that the command line's options describe, and summarise.
+
+    FinloopError with a force, or without a second drawing.
+    """
+    if options.force or options.b is None:
+        raise FinloopError(
+            f"a page ({PAGE}) of {'forces' if options.force else 'one drawing'}",
+            "two drawings and no force: the page is to try how they are paired",
+            "give a second drawing and no --force, or another ending of the output",
+        )
     content, summary = trial.build_trial_page(
         load_svg(options.a),
         load_svg(options.b),
         load_pairing(options.pairs) if options.pairs else None,
         (shlex.quote(str(options.a)), shlex.quote(str(options.b))),
-        trial.TrialOptions(
-            frames,
-            points,
-            Resolution(options.level, options.wavelet or FULL.wavelet),
-            PhysicalOptions(options.elastic, options.damping, options.mass),
-        ),
+        trial.TrialOptions(frames, points, *_curve_options(options)),
     )
     save_bytes(options.output, content.encode())
     return summary
@@ -101,10 +127,11 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     """Return the parser of the command line's options."""
     parser = argparse.ArgumentParser(
         prog=program,
-        description="Morph one drawing into another; shapes of the same id form a pair.",
+        description="Morph one drawing into another; shapes of the same id form a pair. Or move"
+        " one by forces.",
     )
     parser.add_argument("a", type=Path, help="the first drawing, SVG")
-    parser.add_argument("b", type=Path, help="the second drawing")
+    parser.add_argument("b", type=Path, nargs="?", help="the second drawing; none with --force")
     parser.add_argument(
         "-o",
         "--output",
@@ -113,7 +140,15 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
         help=f"output file: {', '.join(ENDINGS)}, or {PAGE}: a page to try it",
     )
     parser.add_argument("--pairs", type=Path, help=f"YAML: {FORM}")
-    parser.add_argument("--method", choices=METHODS, default="fold_free", help="default: fold_free")
+    parser.add_argument(
+        "--method", choices=METHODS, help="default fold_free, or physical by forces"
+    )
+    parser.add_argument(
+        "--force",
+        action="append",
+        default=[],
+        help=f"{FORMS}; may be repeated; a shape that a force names stands still",
+    )
     parser.add_argument(
         "--frames",
         type=int,
@@ -132,4 +167,10 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     parser.add_argument("--elastic", type=float, default=usual.elastic, help="physical: stiffness")
     parser.add_argument("--damping", type=float, default=usual.damping, help="physical: damping")
     parser.add_argument("--mass", type=float, default=usual.mass, help="physical: mass")
+    parser.add_argument(
+        "--stiffness-damping",
+        type=float,
+        default=usual.stiffness_damping,
+        help="physical: damping of changes of shape (s2), default 0",
+    )
     return parser
