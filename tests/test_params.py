@@ -594,7 +594,7 @@ def test_where_the_file_is_not_its_values_are_checked(own_folder, capsys):
         ("clip=carp clip.frames=5", "clip.frames: 5 frames, and a track has at least 10"),
         ("clip=file clip.path=/gone.mp4", "clip.path: there is nothing at /gone.mp4"),
         ("clip=file clip.path=/gone/*.mp4", "matches no file"),
-        ("clip=file clip.path=README.md", "README.md cannot be read as a film"),
+        ("clip=file clip.path=README.md", "README.md is text, not a film"),
         (f"clip=file clip.path={A_FILM} clip.arena=/gone.png", "clip.arena: there is nothing"),
         ("matching.path=/gone.csv", "matching.path: there is nothing at /gone.csv"),
         ("matching.path=[track:1,track:2]", "matching.path: 2 paths for 1 fish"),

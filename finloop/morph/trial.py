@@ -70,6 +70,7 @@ def build_trial_page(
         "elastic": [factor * options.physics.elastic for factor in FACTORS],
         "damping": [factor * options.physics.damping for factor in FACTORS],
         "mass": options.physics.mass,
+        "stiffness_damping": options.physics.stiffness_damping,
         "level": options.resolution.level, "wavelet": options.resolution.wavelet,
         "partners": PARTNERS,
     }  # fmt: skip
