@@ -328,7 +328,7 @@ def test_colours_as_style_sheets_state_them(tmp_path, body, fill, opacity):
         ('transform="translate(1e999)"', "transform: translate(1e999) ('a')"),
         ('transform="rotat(30)"', "transform: rotat(30) ('a')"),
         ('style="mix-blend-mode:multiply"', "a blend mode ('a')"),
-        ('paint-order="stroke"', "a line below its fill ('a')"),
+        ('paint-order="stroke" stroke="red"', "a line below its fill ('a')"),
         ('transform="scale(2)" style="transform-origin:50% 50%"', "a transform about a point of its own ('a')"),
     ],
 )  # fmt: skip
@@ -389,6 +389,8 @@ def test_names_of_paths_with_holes_and_of_illustrator(tmp_path):
     holed = '<path d="M0 0H9V9zM2 1H3V2z"/>'
     drawing = load(tmp_path, f'<g id="word">{holed}{holed}</g><path id="d_x23_2" {P}/>')
     assert list(drawing.curves) == ["word", "word#2", "word-2", "word-2#2", "d#2"]
+    with pytest.raises(FinloopError, match="the name 'd#2' for two contours"):
+        load(tmp_path, f'<path id="d" d="M0 0H9V9zM2 1H3V2z"/><path id="d_x23_2" {P}/>')
 
 
 VARIABLES = "".join(f"--v{k}:" + f"var(--v{k + 1})" * 30 + ";" for k in range(40))
@@ -605,7 +607,8 @@ def test_what_is_not_used_or_does_nothing_is_not_refused(tmp_path):
         f'<defs><filter id="f"/><pattern id="p"><path {p}/></pattern><clipPath id="c"><rect width="100"'
         f' height="100"/></clipPath></defs><g clip-path="url(#c)"><path id="seen" {p}/></g><text> </text>'
         f'<path style="display:none" filter="url(#f)" {p}/><text display="none">words</text>'
-        f'<path visibility="hidden" fill="url(#p)" {p}/><path id="bare" filter="none" {p}/>'
+        f'<path visibility="hidden" fill="url(#p)" {p}/>'
+        f'<path id="bare" filter="none" fill="" style="paint-order:stroke;mix-blend-mode:normal" {p}/>'
     )
     assert list(load(tmp_path, body).curves) == ["seen", "bare"]
 

@@ -152,6 +152,12 @@ def load_svg(path: Path) -> Drawing:
                     _read_contours(document, item, tolerance_px), start=1
                 ):
                     part = f"{name}{PART}{number}" if number > 1 else name
+                    if part in by_name:
+                        raise FinloopError(
+                            f"{path} uses the name {part!r} for two contours",
+                            f"no id that is that of another path, {PART} and a number",
+                            "rename the shape",
+                        )
                     by_name[part] = curve, paint, item.group.groups
     except _MISREAD as error:
         raise FinloopError(
@@ -226,6 +232,8 @@ class _Problems:
             if any(found and found[1] is not None and local_name(found[1]) == "pattern"
                    for found in servers):  # fmt: skip
                 kinds.add("pattern")
+            if "none" in (values.get("fill"), values.get("stroke", "none")):
+                kinds.discard("paint-order")  # nothing lies below anything
             for kind in kinds:
                 self._names.setdefault(kind, []).append(item.name)
 

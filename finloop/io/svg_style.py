@@ -62,7 +62,11 @@ def declare_styles(path: Path, root: ElementTree.Element) -> dict[ElementTree.El
     declared = dict[ElementTree.Element, Values]()
     for wrapper in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
         element: ElementTree.Element = wrapper.etree_element
-        usual = {key: text for key, text in element.attrib.items() if key in INHERITED | OWN}
+        usual = {
+            key: text
+            for key, text in element.attrib.items()
+            if key in INHERITED | OWN and text.strip()
+        }
         important: Values = {}
         rules = [payload for *_, pseudo, payload in matcher.match(wrapper) if pseudo is None]
         for plain, strong in [*rules, styles[element.get("style", "")]]:

@@ -20,7 +20,7 @@ from finloop.base.arrays import Floats, Points
 from finloop.base.drawing import LARGEST, Drawing
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART, layers_by_shape
-from finloop.base.style import Paint, scale_paint
+from finloop.base.style import Fill, Paint, scale_paint
 from finloop.curve.contour import Curve, orient_clockwise, resample_curve
 from finloop.morph.layers import fit_drawing
 from finloop.morph.regions import Region, group_regions, split_regions
@@ -36,9 +36,10 @@ PLACE_WEIGHT, SIZE_WEIGHT = 4.0, 0.5
 its own radius (RMS) costs 1. By place weights of 2 and 4 all 42 shapes of the shipped face, dog and
 fish find their partners without ids; by 1 and 8, 40. Size tells an eye from its pupil."""
 OPAQUE_OVERLAP = 2e-3  # sides of the picture, about a pixel: how far filled pieces cover a seam
-FITS_BETTER, APART = 0.1, 0.1
-"""A shape that is left counts as a part of another one if with it the boxes' common share of area
-rises by that, and if its box has less than that of its area in common with the first part's."""
+FITS_BETTER, TOGETHER, INSIDE, APART = 0.1, 0.6, 0.5, 0.1
+"""A shape that is left counts as a part of another one, if with it the common share of the boxes of
+the whole and of its parts rises by that, to that at least; if at least that share of its own box is
+within that of the whole, and at most that share within those of the other parts."""
 FORM = (
     "pairs: {eye: left_eye, body: [head, tail]}, vanish: [hat], appear: [beard],"
     " pins: {eye: [[[1, 2], [3, 4]]]}"
@@ -208,28 +209,35 @@ def _parts_by_place(
     have the fill of the partner, lie beside it, and together they fill the place of the whole.
     """
     found = dict[str, list[str]]()
-    boxes = {name: _box(parts[1][name]) for name in (*pairs.values(), *left)}
-    fills = {name: paint.fill for name, paint in parts[0].styles.items()}
+    names = list(pairs)
+    if not names or not left:
+        return found
+    fills = [repr(_fill_of(parts[0], pairs[name])) for name in names]
+    are_closed = np.array([all(curve.closed for curve in whole[1][name]) for name in names])
+    places = np.stack([_box(whole[1][name]) for name in names])
+    so_far = np.stack([_box(parts[1][pairs[name]]) for name in names])
     for extra in left:
-        best, gain = "", FITS_BETTER
-        for name, partner in pairs.items():
-            if fills.get(extra) != fills.get(partner) or not all(
-                curve.closed for curve in (*whole[1][name], *parts[1][extra])
-            ):
-                continue
-            so_far = _join_boxes([boxes[part] for part in (partner, *found.get(name, []))])
-            smaller = min(_box_area(so_far), _box_area(boxes[extra]))
-            if _box_area(_common_box(so_far, boxes[extra])) > APART * smaller:
-                continue
-            box = _box(whole[1][name])
-            rise = _common_share(box, _join_boxes([so_far, boxes[extra]])) - _common_share(
-                box, so_far
-            )
-            if rise > gain:
-                best, gain = name, rise
-        if best:
-            found.setdefault(best, []).append(extra)
+        box = _box(parts[1][extra])
+        apart = _common_area(so_far, box) <= APART * np.minimum(_box_area(so_far), _box_area(box))
+        inside = _common_area(places, box) >= INSIDE * _box_area(box)
+        fill = repr(_fill_of(parts[0], extra))
+        joined = np.stack(
+            [np.minimum(so_far[:, 0], box[0]), np.maximum(so_far[:, 1], box[1])], axis=1
+        )
+        share = _common_share(places, joined)
+        fits = apart & inside & are_closed & (share >= TOGETHER)
+        fits &= np.array([fill == other for other in fills])
+        rise = np.where(fits, share - _common_share(places, so_far), 0.0)
+        best = int(rise.argmax())
+        if rise[best] > FITS_BETTER and all(curve.closed for curve in parts[1][extra]):
+            found.setdefault(names[best], []).append(extra)
+            so_far[best] = joined[best]
     return found
+
+
+def _fill_of(drawing: Drawing, name: str) -> Fill:
+    """Return the fill of a shape, None if nothing fills it."""
+    return drawing.styles[name].fill if name in drawing.styles else None
 
 
 def _box(contours: Sequence[Curve]) -> Points:
@@ -238,27 +246,22 @@ def _box(contours: Sequence[Curve]) -> Points:
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
-def _join_boxes(boxes: Sequence[Points]) -> Points:
-    """Return the box (2, 2) around boxes."""
-    return np.stack(
-        [np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)]
-    )
+def _box_area(box: Points) -> Floats:
+    """Return the areas (…) of boxes (…, 2, 2)."""
+    return np.asarray((box[..., 1, :] - box[..., 0, :]).prod(axis=-1))
 
 
-def _common_box(first: Points, second: Points) -> Points:
-    """Return the box (2, 2) that two boxes have in common; its sides are negative if none."""
-    return np.stack([np.maximum(first[0], second[0]), np.minimum(first[1], second[1])])
+def _common_area(first: Points, second: Points) -> Floats:
+    """Return the area (…) that boxes (…, 2, 2) have in common."""
+    low = np.maximum(first[..., 0, :], second[..., 0, :])
+    high = np.minimum(first[..., 1, :], second[..., 1, :])
+    return np.asarray(np.maximum(high - low, 0).prod(axis=-1))
 
 
-def _box_area(box: Points) -> float:
-    """Return the area of a box (2, 2)."""
-    return float(np.maximum(box[1] - box[0], 0).prod())
-
-
-def _common_share(first: Points, second: Points) -> float:
-    """Return the area that two boxes have in common, as a share of that which either has."""
-    common = _box_area(_common_box(first, second))
-    return common / max(_box_area(first) + _box_area(second) - common, 1e-300)
+def _common_share(first: Points, second: Points) -> Floats:
+    """Return the area (…) that boxes have in common, as a share of that which either has."""
+    common = _common_area(first, second)
+    return np.asarray(common / np.maximum(_box_area(first) + _box_area(second) - common, 1e-300))
 
 
 def shape_contours(drawing: Drawing) -> dict[str, list[Curve]]:
