@@ -325,6 +325,7 @@ def test_colours_as_style_sheets_state_them(tmp_path, body, fill, opacity):
         ('stroke="red" stroke-width="1e999"', "stroke-width: 1e999 ('a')"),
         ('stroke="red" stroke-width="3parsec"', "stroke-width: 3parsec ('a')"),
         ('stroke="red" stroke-dasharray="4 inf"', "stroke-dasharray: inf ('a')"),
+        ('stroke="red" stroke-width="1e200"', "a line or gradient of a size of 1e+200 ('a')"),
         ('transform="translate(1e999)"', "transform: translate(1e999) ('a')"),
         ('transform="rotat(30)"', "transform: rotat(30) ('a')"),
         ('style="mix-blend-mode:multiply"', "a blend mode ('a')"),

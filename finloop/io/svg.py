@@ -642,10 +642,17 @@ def _read_paint(document: _Document, group: _Surroundings, shape: Any) -> Paint 
         stroke = None
     if fill is None and stroke is None:
         return None
-    dashes = _read_dashes(values, own_width, scale, diagonal) if stroke is not None else ()
+    dashes: tuple[float, ...] = ()
+    offset, is_round = 0.0, False
+    if stroke is not None:
+        dashes, offset, is_round = _read_dashes(values, own_width, scale, diagonal)
+    gradients = [one.matrix for one in (fill, stroke) if isinstance(one, Gradient)]
+    largest = np.abs([scale * own_width, *dashes, offset, *np.ravel(gradients)]).max()
+    if not largest <= LARGEST:
+        raise UnreadableValueError(f"a line or gradient of a size of {largest:g}")
     return Paint(
         fill, stroke, group.opacity * fill_opacity, group.opacity * stroke_opacity,
-        scale * own_width, *dashes,
+        scale * own_width, dashes, offset, is_round,
     )  # fmt: skip
 
 
