@@ -81,7 +81,7 @@ def test_a_tiny_film_that_cannot_be_read_is_refused(tmp_path):
     assert "clip.colour=false" in read_tiny_film(ROOT / FILM)
 
 
-@pytest.mark.parametrize("command", ["study", "sweep", "runs", "repro", "ci-fixture"])
+@pytest.mark.parametrize("command", ["study", "sweep", "runs", "repro", "pull", "ci-fixture"])
 def test_a_command_of_the_guides_does_the_same_in_a_lab(command, lab):
     """In finloop's own Makefile a command first makes the environment."""
     recipes = [

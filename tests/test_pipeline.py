@@ -495,6 +495,11 @@ def stop(repo: Copy, word: str, blow: Any) -> None:
     """Stop a run while it is in the stage `word`."""
     with repo.start("dvc", "repro", "features") as dvc:
         stage = running(dvc, word)
+        if word == "clip":  # a second run beside this one is refused, and says whom it waits for
+            stage.suspend()
+            text = repo.dvc("repro", "features", fails=True)
+            assert "busy" in text and f"PID {dvc.pid}" in text
+            stage.resume()
         blow(dvc, stage)
         text, _ = dvc.communicate(timeout=120)
     assert dvc.returncode != 0
@@ -618,6 +623,7 @@ def test_a_film_that_is_added_or_missing_touches_no_other_film_of_a_study(front:
         front.git("update-ref", f"{folder}/study-{name}", head)
     front.dvc("remote", "add", "other", "../other")  # on which no result depends
     before = front.git("status", "--porcelain"), front.text("params.yaml")
+    front.git("switch", "--quiet", "--detach")  # experiments belong to a commit, not to a branch
     text = front.run("env", "FILMS=../study.yaml", "python", "-m", "stages.study", fails=True)
     assert "nothing at" in text and "gone.mp4" in text and "runs: 1 of 1" in text
     table = pd.read_csv(front.root / "reports/study.csv").set_index("film")
@@ -627,6 +633,7 @@ def test_a_film_that_is_added_or_missing_touches_no_other_film_of_a_study(front:
     made = dict(line.split() for line in listed.splitlines() if line.startswith("study-"))
     assert made.keys() == {"study-one", "study-two", "study-removed"}
     assert made["study-one"] == made["study-removed"] == head != made["study-two"]
+    front.git("switch", "--quiet", "-")
     assert before == (front.git("status", "--porcelain"), front.text("params.yaml"))
 
 
