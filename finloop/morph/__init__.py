@@ -1,7 +1,8 @@
 """Morphs between drawings: linear, physical, and fold-free (curve paper §4.1).
 
-Corresponding points (`match`), a morph without folds (`simple`), counting and excluding folds
-(`folds`), whole drawings and the paper's methods (`layers`). `tool` is the command line.
+Corresponding points (`match`), a morph without folds (`simple`), frames as rigid as possible
+(`relax`), counting and excluding folds (`folds`), whole drawings and the paper's methods
+(`layers`), a page to try them (`trial`). `tool` is the command line.
 """
 
 import lazy_loader

@@ -93,7 +93,8 @@ def _relax_places(
     energy's in every frame: no step raises it.
     """
     matrix = (gradients.conj().T @ (areas[:, None] * gradients)).real
-    matrix[np.diag_indices(len(matrix))] *= 1 + 1e-6  # else singular: the energy knows no place
+    # Else it is singular: the energy knows neither place nor vertices without a triangle.
+    matrix[np.diag_indices(len(matrix))] += 1e-6 * np.median(np.diag(matrix))
     factor = scipy.linalg.cho_factor(matrix)
     for _ in range(STEPS):
         turning, mirroring = gradients.conj() @ places / 2, gradients @ places / 2

@@ -57,7 +57,7 @@ JOIN = 64  # poses from one round or straight shape to another
 PARTS = 16  # steps of a straight motion: small boxes, few pairs to compare
 SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # widths in time, as shares of it, widest first
 RELAX = (1.0, 0.7, 0.45, 0.25, 0.1)
-"""Shares of the moves that distort frames least. A second round gains 3 % for half the time."""
+"""Shares of the moves to frames as rigid as possible: the largest that makes no fold is taken."""
 REACH = 10  # edges: width of the mean along a curve
 NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between two frames
 
