@@ -180,10 +180,10 @@ def print_costs_of_gait() -> None:
              for name, subcycles in true_gamma(dog).items()}  # fmt: skip
     gait = Gait("dog", "swap", dog.frequency_hz, gamma)
     layout = HalfCycleLayout()
-    whole = fastest_call(partial(contours_at_phases, key1, key2, gait, phases, layout))
+    whole = fastest_call(partial(contours_at_phases, (key1, key2), gait, phases, layout))
     rows = [[CONTROL[-2], whole[0], 0.0]]
     for control in (4, 16, 64):
-        few = partial(few_point_contours, key1, key2, gait, phases, layout, control)
+        few = partial(few_point_contours, (key1, key2), gait, phases, layout, control)
         ms, frames = fastest_call(few)
         off = np.stack([frames[name] - whole[1][name] for name in frames])
         rms = np.sqrt((off**2).sum(axis=-1).mean())

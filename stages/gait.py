@@ -20,14 +20,12 @@ from finloop.gait.compare import CLOCKS, ClockComparison, compare_clocks
 from finloop.gait.cycles import swimmer_gait_contours, walker_gait_contours
 from finloop.gait.fit import (
     GaitContours,
-    KeyFrames,
     build_subcycles,
     fit_gait,
     partner_offsets,
-    sort_into_subcycles,
 )
 from finloop.gait.limbs import check_traced_contour, region_contour
-from finloop.gait.model import Gait, gait_to_record
+from finloop.gait.model import Gait, Keys, gait_to_record
 from finloop.gait.outline import swim_contours, track_outlines
 from finloop.gait.period import Period
 from finloop.gait.settings import GaitSettings, Sharing
@@ -72,7 +70,7 @@ class GaitFit(NamedTuple):
 
     film: GaitContours
     gait: Gait
-    keys: KeyFrames
+    keys: Keys
     errors: ClockComparison
     sharing: Sharing
 
@@ -91,8 +89,7 @@ def _draw_figures(fit: GaitFit, folder: Path, pictures: CyclePictures | None) ->
     pictures: of a cycle, for Fig. 8; None = Fig. 8 shows contours instead.
     """
     film, gait, keys = fit.film, fit.gait, fit.keys
-    samples = sort_into_subcycles(film, gait.split, gait.descriptor)
-    subcycles = build_subcycles(keys, samples, gait.descriptor)
+    subcycles = build_subcycles(film, keys, gait.split, gait.descriptor)
     for name, figure in draw_gait_figures(film, gait, keys, subcycles, pictures):
         save_figure(folder / f"{name}.png", figure)
 
@@ -106,7 +103,8 @@ def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sour
     errors = compare_clocks(film, **settings)
     frequency_hz = float(beat.frequency_hz)
     gait, keys = fit_gait(film, name, frequency_hz, **settings, sharing=p.gamma)
-    gait = replace(gait, source=source, confidence=beat.confidence, residuals=errors.rms)
+    confidence = None if np.isnan(beat.confidence) else beat.confidence
+    gait = replace(gait, source=source, confidence=confidence, residuals=errors.rms)
     return GaitFit(film, gait, keys, errors, p.gamma)
 
 
@@ -141,7 +139,7 @@ def fit_tracks(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
             advance()
     columns = ["track_id", "frames", "frequency_hz", "cycles", "confidence"]
     columns += [f"rms_{clock}_pct" for clock in ("gamma", *CLOCKS)] + ["why_not"]
-    best = max(fits, key=lambda fit: fit.gait.confidence, default=None)
+    best = max(fits, key=lambda fit: fit.gait.confidence or 0.0, default=None)
     return best, pd.DataFrame(rows).reindex(columns=columns)
 
 
@@ -239,9 +237,10 @@ def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, CyclePictures | 
         assert p.regions is not None and p.regions_rate_hz is not None
         regions, rate = Path(p.regions), p.regions_rate_hz
         name, source = regions.name, f"regions in {regions.name}"
+    cycle_frames = p.regions_cycle_frames if p.limbs == "regions" else None
     traces = load_regions(regions, region_contour, check_traced_contour)
     walk, beat, contours = walker_gait_contours(
-        traces.frames, rate, p.contour_points, p.split, first=traces.first
+        traces.frames, rate, p.contour_points, p.split, traces.first, p.symmetry, cycle_frames
     )
     for note in contours.notes:
         print(f"gait: {note}")
@@ -249,19 +248,18 @@ def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, CyclePictures | 
 
 
 def _animate_drawing(
-    name: str, keys: tuple[str, str], gait: Gait, p: GaitSettings, folder: Path
+    name: str, keys: tuple[str, ...], gait: Gait, p: GaitSettings, folder: Path
 ) -> dict[str, float]:
     """Write a drawing that a gait moves to `folder`, in all file formats of ENDINGS.
 
-    name: of the files. keys: paths of the drawing's two key frames. Return metrics by name: how
+    name: of the files. keys: paths of the drawing's key poses. Return metrics by name: how
     many contours cross themselves, and how far the worst foot slides on the ground, in % of the
     drawing's width, before and after the limbs are sheared so that feet stand still.
     """
-    first, second = (load_svg(Path(key)) for key in keys)
+    poses = [load_svg(Path(key)) for key in keys]
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
     control = p.contour_points >> p.level if p.level else None
-    gait = replace(gait, wavelet=p.wavelet)
-    result = animate_drawing(first, second, gait, frames, p.contour_points, control)
+    result = animate_drawing(poses, gait, frames, p.contour_points, control, p.wavelet)
     rate = Fraction(frames * gait.frequency_hz).limit_denominator(_RATE_DENOMINATOR)
     cycles = repeat_cycle(result.morph, max(1, round(SECONDS * gait.frequency_hz)))
     for ending in ENDINGS:  # a player of MP4 stops at its end, the others begin again

@@ -8,7 +8,7 @@ import pytest
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, frame_phases, true_limb_contours
 from finloop.gait.compare import choose_held_out_frames, compare_clocks
-from finloop.gait.cycles import align_phase, foot_positions
+from finloop.gait.cycles import align_phase, align_phase_without_symmetry, foot_positions
 from finloop.gait.fit import (
     GaitContours,
     Subcycle,
@@ -22,6 +22,7 @@ from finloop.gait.model import (
     Gait,
     HalfCycleLayout,
     contours_at_phases,
+    gait_to_record,
     gamma_fraction,
     gamma_from_fractions,
     mirror_contours,
@@ -56,7 +57,7 @@ ONE, TWO = _blobs(0.5, -0.5, -0.4, 0.4), _blobs(0.1, 0.05, -0.1, 0.0)
 
 def _film(phases, gamma=TRUE, split=0.25, symmetry="swap", offsets=None, one=ONE, two=TWO):
     gait = Gait("x", symmetry, 1.0, gamma, split=split, wavelet="db4")
-    frames = contours_at_phases(one, two, gait, phases, HalfCycleLayout(offsets=offsets))
+    frames = contours_at_phases((one, two), gait, phases, HalfCycleLayout(offsets=offsets))
     return GaitContours(frames, phases, 2.0, symmetry, offsets=offsets)
 
 
@@ -89,8 +90,8 @@ def test_limbs_of_a_synthesized_walk_give_back_gamma_and_keys(start):
     for name in LIMBS:
         for letter in "AB":
             assert gait.gamma[name][letter] == pytest.approx(TRUE[name][letter], abs=1e-9)
-        np.testing.assert_allclose(keys.first[name], ONE[name], atol=1e-12)
-        np.testing.assert_allclose(keys.second[name], TWO[name], atol=1e-12)
+        np.testing.assert_allclose(keys[0][name], ONE[name], atol=1e-12)
+        np.testing.assert_allclose(keys[1][name], TWO[name], atol=1e-12)
     assert (gait.frequency_hz, gait.frames) == (1.5, 16)
     assert gait.cycles == pytest.approx(1)
 
@@ -103,7 +104,7 @@ def test_keys_between_frames_allow_for_the_bend_of_the_way():
     off = [
         sum(
             ((mine[name] - true[name]) ** 2).sum()
-            for mine, true in ((found.first, ONE), (found.second, TWO))
+            for mine, true in ((found[0], ONE), (found[1], TWO))
             for name in LIMBS
         )
         for found in (keys, rough)
@@ -144,7 +145,7 @@ def test_gamma_of_whatever_shares_one_comes_back_and_predicts_what_a_shared_cloc
         for letter in "AB":
             found = np.array(gait.gamma[name][letter])
             np.testing.assert_allclose(found, gammas[name][letter], atol=1e-9)
-    cycle = contours_at_phases(keys.first, keys.second, gait, film.phase)
+    cycle = contours_at_phases(keys, gait, film.phase)
     np.testing.assert_allclose(cycle["hind_left"], film.contours["hind_left"], atol=1e-9)
     rms = compare_clocks(film, wavelet="db4").rms
     finer = SHARINGS.index(sharing)
@@ -162,7 +163,7 @@ def test_each_finer_gamma_fits_the_frames_better_and_its_mean_by_energy_is_that_
     gaits, errors = {}, []
     for sharing in SHARINGS:
         gaits[sharing], keys = fit_gait(noisy, "x", 1.0, wavelet="db4", sharing=sharing)
-        cycle = contours_at_phases(keys.first, keys.second, gaits[sharing], film.phase)
+        cycle = contours_at_phases(keys, gaits[sharing], film.phase)
         errors.append(sum(float(((cycle[k] - noisy.contours[k]) ** 2).sum()) for k in LIMBS))
     assert (np.diff(errors) < 0).all()
     for gait in gaits.values():
@@ -233,7 +234,128 @@ def test_far_limbs_that_hang_elsewhere_keep_their_hips():
     offsets = {"fore_left": np.array([0.2, 0.1]), "fore_right": np.array([-0.2, -0.1])}
     gait, keys = fit_gait(_film(np.arange(16) / 16, offsets=offsets), "x", 1.0, wavelet="db4")
     assert gait.gamma["fore_left"]["B"] == pytest.approx((-0.8,), abs=1e-9)
-    np.testing.assert_allclose(keys.first["fore_right"], ONE["fore_right"], atol=1e-12)
+    np.testing.assert_allclose(keys[0]["fore_right"], ONE["fore_right"], atol=1e-12)
+
+
+# --- without symmetry
+
+GALLOP = {
+    name: {letter: (round(g, 2),) for letter, g in zip("ABCD", row, strict=True)}
+    for name, row in zip(LIMBS, np.random.default_rng(8).uniform(-0.9, 0.9, (4, 4)), strict=True)
+}
+GALLOP_KEYS = [
+    _blobs(0.6, 0.2, -0.5, -0.3), _blobs(-0.1, 0.5, -0.6, -0.6),
+    _blobs(-0.7, -0.4, 0.3, 0.0), _blobs(0.2, -0.6, 0.5, 0.4),
+]  # fmt: skip
+
+
+def _gallop(phases, gamma=GALLOP, keys=GALLOP_KEYS):
+    gait = Gait("x", "none", 1.0, gamma, wavelet="db4")
+    return GaitContours(contours_at_phases(keys, gait, phases), phases, 2.0, "none")
+
+
+@pytest.mark.parametrize("sharing", SHARINGS)
+def test_one_cycle_of_a_gallop_gives_back_gamma_of_four_subcycles_and_four_keys(sharing):
+    """The film wraps: its frames begin anywhere in the cycle."""
+    rng = np.random.default_rng(3)
+
+    def draw() -> tuple:
+        values = rng.uniform(-0.9, 0.9, SHAPES[sharing]).tolist()
+        return tuple(tuple(row) if isinstance(row, list) else row for row in values)
+
+    gamma = {name: {letter: draw() for letter in "ABCD"} for name in LIMBS}
+    made = [_noise_poses(seed) for seed in (1, 2, 3, 4)]
+    film = _gallop(0.3125 + np.arange(16) / 16, gamma, made)
+    gait, keys = fit_gait(film, "x", 2.0, wavelet="db4", sharing=sharing)
+    assert (gait.symmetry, gait.cycles, len(keys)) == ("none", pytest.approx(1), 4)
+    for name in LIMBS:
+        for letter in "ABCD":
+            found = np.array(gait.gamma[name][letter])
+            np.testing.assert_allclose(found, gamma[name][letter], atol=1e-9)
+        for key, true in zip(keys, made, strict=True):
+            np.testing.assert_allclose(key[name], true[name], atol=1e-12)
+    whole = contours_at_phases(keys, gait, film.phase)
+    np.testing.assert_allclose(whole["hind_left"], film.contours["hind_left"], atol=1e-9)
+
+
+def test_keys_between_the_frames_of_one_cycle_are_found_by_both_neighbours():
+    phases = np.arange(24) / 24 + 0.013
+    gait, keys = fit_gait(_gallop(phases), "x", 1.0, wavelet="db4")
+    for key, true in zip(keys, GALLOP_KEYS, strict=True):
+        for name in LIMBS:
+            np.testing.assert_allclose(key[name], true[name], atol=0.01)
+    assert gait.gamma["fore_left"]["B"] == pytest.approx(GALLOP["fore_left"]["B"], abs=0.2)
+
+
+def test_a_hidden_frame_beside_a_key_does_not_shift_it():
+    """The limb goes straight through key 1, from 2' to 2: frames before and after it agree."""
+    _, two, later, two_later = GALLOP_KEYS
+    first = {name: (two[name] + two_later[name]) / 2 for name in LIMBS}
+    straight = dict.fromkeys(LIMBS, dict.fromkeys("ABCD", (0.0,)))
+    film = _gallop(np.arange(24) / 24 + 0.013, straight, [first, two, later, two_later])
+    film.contours["fore_left"][0] = np.nan
+    found = interpolate_key_frames(film, 0.25)[0]["fore_left"]
+    np.testing.assert_allclose(found, first["fore_left"], atol=1e-12)
+
+
+def test_each_frame_of_one_cycle_is_held_out_by_itself():
+    film = _gallop(np.arange(16) / 16 + 0.02)
+    masks = choose_held_out_frames(film)
+    assert len(masks) == 16 and (np.sum(masks, axis=0) == 1).all()
+    found = compare_clocks(film, wavelet="db4")
+    assert found.by_contour["frames"].sum() == 16 * len(LIMBS)
+    assert set(found.by_contour["subcycle"]) == set("ABCD")
+    assert found.rms["limb"] < 0.6 * found.rms["linear"]
+    assert len(choose_held_out_frames(_gallop(np.arange(32) / 16))) == 2  # cycles
+
+
+@pytest.mark.parametrize("late", [0.0, 0.1, 0.55, 0.8])
+def test_keys_of_a_gallop_are_where_straight_lines_through_the_feet_join(late):
+    """Of these keys, the first is the one with the feet farthest apart."""
+    straight = dict.fromkeys(LIMBS, dict.fromkeys("ABCD", (0.0,)))
+    true = np.arange(15) / 15 + late
+    feet = foot_positions(_gallop(true, straight).contours)
+    phase = align_phase_without_symmetry(np.arange(15) / 15, feet, 0.25)
+    turn = true[0] - phase[0]  # from key 1 of the film to the found one
+    np.testing.assert_allclose(true - phase, turn)
+    assert abs(turn * 4 - round(turn * 4)) < 4 / 480
+    at_keys = foot_positions(_gallop(turn + np.arange(4) / 4, straight).contours)
+    assert np.ptp(at_keys, axis=1).argmax() == 0
+
+
+def test_a_gallop_needs_a_whole_cycle_and_takes_no_partner_for_a_hidden_limb():
+    with pytest.raises(FinloopError, match="a whole cycle: no part of it follows"):
+        fit_gait(_gallop(np.arange(12) / 16), "x", 1.0)
+    film = _gallop(np.arange(16) / 16)
+    del film.contours["fore_left"]
+    assert film.add_hidden_limbs() is film
+
+
+def test_a_lifted_foot_that_moves_back_is_not_on_the_ground():
+    """A foot stands at phases 0.25 to 0.5; it moves back from 0 to 0.5, and comes down meanwhile."""
+    phase = (np.arange(32) + 0.5) / 32
+    x = np.where(phase < 0.5, -phase, phase - 1)
+    y = np.where((phase > 0.25) & (phase < 0.5), 0.0, -0.3)
+    places = np.column_stack([x, y])[:, None]
+    film = GaitContours({"fore_left": _blob(0, 1) + places}, phase, 2.0, "none")
+    ((start, end),) = fit_gait(film, "x", 1.0, wavelet="db4")[0].support["fore_left"]
+    assert (start, end) == pytest.approx((0.25, 0.5), abs=1 / 64)
+
+
+def test_gamma_of_all_contours_is_bounded_as_any_other():
+    """Nearly the same in all keys, far away between them: γ would be a million."""
+    phase = np.arange(32) / 32
+    bow = np.abs(np.sin(4 * np.pi * phase)) + 1e-6 * np.cos(2 * np.pi * phase)
+    limb = _blob(0, 1) + np.column_stack([bow, bow])[:, None]
+    gait, _ = fit_gait(GaitContours({"fore_left": limb}, phase, 2.0, "none"), "x", 1.0)
+    assert gait_to_record(gait)["gamma"]["*"] == {
+        letter: [pytest.approx(0, abs=1000)] for letter in "ABCD"
+    }
+
+
+def test_a_wavelet_that_is_not_orthogonal_is_refused():
+    with pytest.raises(FinloopError, match=r"bior4\.4 is not orthogonal"):
+        fit_gait(_gallop(np.arange(16) / 16), "x", 1.0, wavelet="bior4.4")
 
 
 def test_a_mirrored_cycle_and_another_split():
@@ -258,13 +380,13 @@ def test_keys_lie_between_the_frames_beside_and_over_cycles_are_their_mean():
     noisy = replace(film, contours={**film.contours, "fore_left": fore})
     later = {name: points[[8, 24]] for name, points in noisy.contours.items()}
     mean = (fore[[0, 16]].sum(0) + film.contours_half_cycle_later(later)["fore_left"].sum(0)) / 4
-    np.testing.assert_allclose(interpolate_key_frames(noisy, 0.25).first["fore_left"], mean)
+    np.testing.assert_allclose(interpolate_key_frames(noisy, 0.25)[0]["fore_left"], mean)
     between = _film((np.arange(4) - 0.5) / 4 + 0.25, straight)  # key 2 amid two frames
     expected = between.contours["fore_left"][:2].mean(axis=0)
     twin = _film(between.phase + 0.5, straight)
     other = twin.contours_half_cycle_later(twin.contours)["fore_left"][:2].mean(axis=0)
     np.testing.assert_allclose(expected, other, atol=1e-12)
-    found = interpolate_key_frames(between, 0.25).second["fore_left"]
+    found = interpolate_key_frames(between, 0.25)[1]["fore_left"]
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
@@ -296,7 +418,7 @@ def test_support_is_from_the_foremost_place_to_the_hindmost():
     gait, keys = fit_gait(_film(np.arange(16) / 16), "x", 1.0)
     for ((start, stop),) in gait.support.values():
         assert 0 <= start < stop <= start + 1
-    low = int(keys.first["hind_left"][:, 1].argmax())
+    low = int(keys[0]["hind_left"][:, 1].argmax())
     frames = _film(np.array([gait.support["hind_left"][0][0], 0.3, 0.9])).contours["hind_left"]
     assert frames[0, low, 0] >= frames[1:, low, 0].max()
 

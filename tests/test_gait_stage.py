@@ -1,6 +1,7 @@
 """The stage `gait`, end to end in a folder of its own: a drawn dog and two toy fish."""
 
 import shutil
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -175,12 +176,43 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     assert gait.name == "own" and gait.frequency_hz == pytest.approx(dog.frequency_hz, rel=0.03)
 
 
+GALLOP = [f"data/drawings/dog_gallop_{key}.svg" for key in (1, 2, 3, 4)]
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_one_cycle_of_a_gallop_is_fitted_and_moves_four_key_poses(folder, monkeypatch):
+    monkeypatch.setattr(stages.gait, "ENDINGS", (".svg",))
+    drawn = {}
+    figures = stages.gait.draw_gait_figures
+    monkeypatch.setattr(  # those that differ from a walk's
+        stages.gait,
+        "draw_gait_figures",
+        lambda *given: drawn.update(islice(figures(*given), 4)) or iter(()),
+    )
+    prepare(folder, *SMALL, "gait.limbs=regions", "gait.regions=data/gaits/horse",
+            "gait.regions_rate_hz=30", "gait.regions_cycle_frames=15", "gait.symmetry=none",
+            "gait.walker_drawings=[" + ",".join(GALLOP) + "]")  # fmt: skip
+    put_fish(folder, False, frames=10)
+    stages.gait.main()
+    gait = load_gait(folder / "data/gait/limbs.json")
+    assert (gait.symmetry, gait.frequency_hz, gait.confidence) == ("none", 2.0, None)
+    shipped = load_gait(ROOT / "data/gaits/horse_gallop.json")
+    assert gait.support == shipped.support
+    assert set(drawn) == {"fig8", "fig9", "fig10", "fig11"}
+    numbers = load_numbers(folder / "reports/gait")
+    assert numbers["limbs_rms_gamma_pct"] < 2.5 < numbers["limbs_rms_linear_pct"]
+    assert numbers["dog_feet_slide_after_pct"] < 1.2
+    assert "limbs_confidence" not in numbers or numbers["limbs_confidence"] is None
+
+
 @pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
         (("gait.contour_points=100",), "power of two"),
         (("gait.limbs=regions",), "regions_rate_hz"),
+        (("gait.symmetry=none",), "the drawn dog walks"),
+        (("gait.walker_drawings=[" + ",".join(GALLOP) + "]",), "walker_drawings needs 2 key poses"),
         (("gait.walker_drawings=[data/drawings/dog_1.svg,data/drawings/fish_2.svg]",), "do not match"),
     ],
 )  # fmt: skip

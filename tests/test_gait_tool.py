@@ -70,6 +70,34 @@ def test_level_and_wavelet_reach_the_drawing(tmp_path):
     assert len(set(made.values())) == 3
 
 
+def test_the_wavelet_of_control_points_does_not_change_a_gait_by_scale(tmp_path):
+    """γ per scale belongs to the wavelet that it was fitted with."""
+    gait = json.loads((SHIPPED / "dog_walk.json").read_text())
+    for subcycles in gait["gamma"].values():
+        subcycles |= {"A": [0.5, -0.5], "B": [-0.5, 0.5]}
+    own, out, made = tmp_path / "own.json", tmp_path / "out.json", set()
+    own.write_text(json.dumps(gait))
+    for wavelet in ("coif2", "db4"):
+        assert main([*DOG, "--gait", str(own), "--wavelet", wavelet, "-o", str(out), *SMALL]) == 0
+        made.add(out.read_bytes())
+    assert len(made) == 1
+
+
+def test_a_gallop_takes_four_key_poses(tmp_path, capsys):
+    keys = [str(ROOT / f"data/drawings/cat_gallop_{key}.svg") for key in (1, 2, 3, 4)]
+    out = tmp_path / "out.json"
+    assert main([*keys, "--gait", "horse_gallop", "-o", str(out), *SMALL]) == 0
+    assert [frame["tau"] for frame in json.loads(out.read_text())["frames"]] == [0, 0.25, 0.5, 0.75]
+    assert "a cycle of 0.5 s" in capsys.readouterr().out
+    for given, gait, said in (
+        (keys[:2], "horse_gallop", "2 key poses for a gait of symmetry 'none'"),
+        (keys, "dog_walk", "4 key poses for a gait of symmetry 'swap'"),
+        (keys[:1], "dog_walk", "1 key poses"),
+    ):
+        assert main([*given, "--gait", gait, "-o", str(out), *SMALL]) == 1
+        assert said in capsys.readouterr().err
+
+
 def test_an_animated_picture_goes_on_from_its_last_frame_to_its_first(tmp_path):
     """It would stand still at its end otherwise, and jump."""
     out = tmp_path / "out.svg"

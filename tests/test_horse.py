@@ -8,8 +8,11 @@ from scipy.interpolate import CubicSpline
 from benchmarks.horse import FOLDER, Axis, load_axes, svg_text, trace_parts
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, signed_area
+from finloop.gait.compare import compare_clocks
+from finloop.gait.cycles import walker_gait_contours
+from finloop.gait.fit import fit_gait
 from finloop.gait.limbs import check_traced_contour, limb_contours, region_contour
-from finloop.gait.model import opposite_limb
+from finloop.gait.model import gait_to_record, opposite_limb
 from finloop.io.regions import load_regions
 from finloop.io.svg import load_svg
 from finloop.morph.folds import count_polygon_folds
@@ -104,6 +107,47 @@ def test_points_of_a_leg_stay_on_their_place_as_it_folds(outlines, joints):
         hoof = places[:, -1] - limbs.course
         nearest = np.linalg.norm(limbs.points[leg] - hoof[:, None], axis=2).argmin(axis=1)
         assert np.ptp(nearest) <= 12  # of 128; upside down it would be 64
+
+
+# --- its gait
+
+
+@pytest.fixture(scope="module")
+def gallop(outlines):
+    frames, first = outlines.frames, outlines.first
+    return walker_gait_contours(frames, 30, 64, first=first, symmetry="none", cycle_frames=15)
+
+
+def test_the_given_cycle_closes_and_the_body_stays(gallop):
+    film, period, limbs = gallop
+    assert (period.frequency_hz, limbs.notes) == (pytest.approx(2), ())
+    assert np.isnan(period.confidence)
+    np.testing.assert_allclose(np.diff(film.phase), 1 / 15)
+    assert np.ptp(limbs.course, axis=0) == pytest.approx(0)
+
+
+def test_gamma_predicts_frames_of_the_gallop_that_were_held_out(gallop):
+    found = compare_clocks(gallop[0])
+    assert found.by_contour["frames"].sum() == 60  # every leg of every frame
+    rms = found.rms
+    assert rms["coordinate"] < 0.025 < rms["coefficient"] < rms["limb"] < rms["linear"] < 0.046
+
+
+def test_hooves_are_on_the_ground_when_they_are_marked_low(gallop, joints):
+    film, *_ = gallop
+    gait, keys = fit_gait(film, "gallop", 2.0)
+    assert len(keys) == 4
+    for leg, ((start, end),) in gait.support.items():
+        stands = np.mod(film.phase - start, 1) < end - start
+        low = joints[leg][:, -1, 1] >= 335
+        assert (stands != low).sum() <= 1
+        assert 3 <= stands.sum() <= 6
+    assert gait_to_record(gait)["symmetry"] == "none"
+
+
+def test_a_film_shorter_than_its_cycle_is_refused(outlines):
+    with pytest.raises(FinloopError, match="15 frames, and a gait cycle of 16"):
+        walker_gait_contours(outlines.frames, 30, 64, symmetry="none", cycle_frames=16)
 
 
 # --- the tool

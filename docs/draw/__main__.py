@@ -6,7 +6,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from docs.draw.film import (
     window,
 )
 from docs.draw.flow import save_flow
-from docs.draw.guides import draw_guides
+from docs.draw.guides import draw_guides, load
 from docs.draw.pipeline import run
 from docs.draw.search import search_picture
 from finloop.edit.modes import MODES
@@ -41,6 +41,7 @@ FILM_S, OUTLINE_S, AFTER_S = 2.0, 2.4, 1.0  # durations of film, outlines, end a
 WINDOW, PANEL_S = (360, 270), 8.0  # size and duration of the window that follows the fish
 TANK_S = 7.0, 18.0  # begin and end in the film of the 3-D tank
 OUTLINE = (120, 255, 220)
+GAIT_FIGURES, FIGURE_PX = ("fig9", "fig10", "fig11", "fig12"), 800
 SENT = [(0.25, 0.3), (0.75, 0.3), (0.55, 0.75)]  # goals of the fish in the live tank
 
 
@@ -110,12 +111,19 @@ def draw_panels(folder: Path) -> None:
 
 
 def draw_drawings() -> None:
-    """Save a morph and two drawings driven by a gait, by the commands of the guide."""
-    faces = ["morph", "face_a", "face_b", "--frames", "36", "--back"]
-    dog = ["gait", "dog_1", "dog_2", "--gait", "dog_walk"]
-    fish = ["gait", "fish_1", "fish_2", "--gait", "trout", "--frames", "24", "--rate", "30"]
-    for name, (tool, one, other, *how) in {"morph": faces, "dog": dog, "fish": fish}.items():
-        keys = [str(ROOT / f"data/drawings/{key}.svg") for key in (one, other)]
+    """Save a morph and drawings driven by a gait, by the commands of the guide."""
+    swim = ["--gait", "trout", "--frames", "24", "--rate", "30"]
+    gallop = ["--gait", "horse_gallop", "--frames", "20", "--rate", "30"]
+    drawings = {
+        "morph": ("morph", ["face_a", "face_b"], ["--frames", "36", "--back"]),
+        "dog": ("gait", ["dog_1", "dog_2"], ["--gait", "dog_walk"]),
+        "fish": ("gait", ["fish_1", "fish_2"], swim),
+    } | {
+        f"{animal}_gallop": ("gait", [f"{animal}_gallop_{key}" for key in (1, 2, 3, 4)], gallop)
+        for animal in ("dog", "cat")
+    }
+    for name, (tool, poses, how) in drawings.items():
+        keys = [str(ROOT / f"data/drawings/{pose}.svg") for pose in poses]
         output = ["-o", str(PICTURES / f"{name}.webp"), "--size", str(PANEL_PX)]
         command = [sys.executable, "-m", f"finloop.{tool}", *keys, *how, *output]
         subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
@@ -129,6 +137,33 @@ def draw_forces() -> None:
         subprocess.run(words, cwd=ROOT, check=True, capture_output=True)
 
 
+def pair_gait_figures(walk: Sequence[Picture], gallop: Sequence[Picture]) -> Picture:
+    """Return figures of a walk at the left, and the same of a gallop at the right."""
+    rows = []
+    for pair in zip(walk, gallop, strict=True):
+        left, right = (resize_picture(figure, FIGURE_PX) for figure in pair)
+        height = max(len(left), len(right))
+        pads = [((0, height - len(figure)), (4, 4), (0, 0)) for figure in (left, right)]
+        cells = zip((left, right), pads, strict=True)
+        rows.append(np.hstack([np.pad(one, pad, constant_values=255) for one, pad in cells]))
+    return np.vstack(rows)
+
+
+def draw_gaits(folder: Path) -> None:
+    """Save figures of the drawn dog's walk beside those of the traced horse's gallop."""
+    poses = ",".join(f"data/drawings/dog_gallop_{key}.svg" for key in (1, 2, 3, 4))
+    horse = [
+        "gait.limbs=regions", "gait.regions=data/gaits/horse", "gait.regions_rate_hz=30",
+        "gait.regions_cycle_frames=15", "gait.symmetry=none", f"gait.walker_drawings=[{poses}]",
+    ]  # fmt: skip
+    figures = []
+    for values in ([], horse):
+        run(folder, [*CARP, *values], ["gait"])
+        paths = [folder / f"reports/gait/figures/limbs/{name}.png" for name in GAIT_FIGURES]
+        figures.append([load(path) for path in paths])
+    save_still(PICTURES / "gaits.webp", pair_gait_figures(*figures))
+
+
 def draw_all(folder: Path) -> None:
     """Save all pictures from one run of the pipeline."""
     draw_panels(folder)
@@ -138,6 +173,7 @@ def draw_all(folder: Path) -> None:
     save_still(PICTURES / "planner.webp", search_picture(folder))
     draw_drawings()
     draw_forces()
+    draw_gaits(folder)
     save_still(PICTURES / "live.webp", live_tank(folder, SENT))
     save_still(PICTURES / "report.webp", resize_picture(report(folder), REPORT_PX))
 

@@ -54,7 +54,8 @@ def add_resolution_options(
 ) -> None:
     """Add the options --level and --wavelet, which say how coarse contours are, to a parser.
 
-    other_use: what else the wavelet is of; usual_wavelet: without the option, in words. The options
+    other_use: what else the wavelet is of, "" if nothing; usual_wavelet: without the option, in
+    words. The options
     are 0 and None where they are not given.
     """
     parser.add_argument(
@@ -63,7 +64,7 @@ def add_resolution_options(
         default=0,
         help="round contours off: keep 1/2^LEVEL of their points as control points (default 0)",
     )
-    parser.add_argument(
-        "--wavelet",
-        help=f"of these control points, and of {other_use}: db4, sym8 … (default {usual_wavelet})",
+    uses = (
+        f"of these control points, and of {other_use}" if other_use else "of these control points"
     )
+    parser.add_argument("--wavelet", help=f"{uses}: db4, sym8 … (default {usual_wavelet})")

@@ -10,7 +10,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cycles": ["swimmer_gait_contours", "walker_gait_contours"],
-    "fit": ["GaitContours", "KeyFrames"],
+    "fit": ["GaitContours", "fit_gait"],
     "model": [
         "Gait", "HalfCycleLayout", "contours_at_phases", "four_key_frames", "gamma_from_fractions",
     ],

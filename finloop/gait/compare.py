@@ -57,12 +57,15 @@ def choose_held_out_frames(film: GaitContours) -> list[Mask]:
 
     In a film of two gait cycles or more that is one cycle for each fit, and an incomplete last one.
     In a shorter film it is every other frame: the even ones in one fit, the odd ones in another.
+    Without symmetry it is a single frame, as half of them would leave too few in a subcycle.
     """
     frames = np.arange(len(film.phase))
     # A frame that ends a cycle to rounding belongs to the next one.
     cycle = np.floor(film.phase - film.phase[0] + 1e-9).astype(int)
     if film.cycles > 2 - 1e-6:
         return [cycle == number for number in np.unique(cycle)]
+    if film.symmetry == "none":
+        return [frames == number for number in frames]
     return [frames % 2 == half for half in range(2)]
 
 
@@ -231,9 +234,7 @@ def find_turning_coordinates(
     """
     tables = []
     for (name, letter), subcycle in subcycles.items():
-        numerators, denominators = subcycle.gamma_fraction()
-        moves = denominators > 0
-        gamma = np.divide(numerators, denominators, out=np.zeros_like(numerators), where=moves)
+        gamma = subcycle.fit_gammas("coordinate", LEAST_MOTION * body_length)
         size = np.maximum(np.abs(gamma), 1)
         overshoot = (size - 1) ** 2 / (4 * size)  # of f, below 0 or above 1
         distance = np.abs(subcycle.start - subcycle.end) / np.sqrt(len(gamma)) / body_length

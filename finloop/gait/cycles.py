@@ -6,6 +6,10 @@ limbs are foremost then, the others hindmost. In a fish, the tail is farthest to
 The fundamental of a walk gives its period well, but not the phase at which the feet turn: a foot on
 the ground moves evenly, a lifted foot does not. In a gait of four subcycles every foot moves along
 four parabolas joined at the keys. So the keys are where four parabolas fit all feet best.
+
+Without symmetry, as in a gallop, the keys are where four straight lines joined at them fit all feet
+best: parabolas follow the frames of a short film wherever the keys are. Key 1 is the one of the
+four at which the feet are farthest apart.
 """
 
 from collections.abc import Mapping
@@ -15,16 +19,19 @@ import numpy as np
 import scipy
 
 from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
 from finloop.gait.fit import GaitContours, partner_offsets
 from finloop.gait.limbs import Limbs, Region, limb_contours
 from finloop.gait.model import locate_in_subcycle
 from finloop.gait.outline import TrackContours, join_steady_frames
-from finloop.gait.period import Period, fill_gaps, find_period, require_periodic
+from finloop.gait.period import Period, fill_gaps, find_period, require_periodic, set_phase_zero
+from finloop.gait.settings import Symmetry
 
 OUTLINE = "outline"
 FOOT = 16  # the lowest 1/FOOT of a limb's contour is its foot
 REACH = 0.06  # cycles: half width of the search for key 1
 STEPS = 61  # of that search, 0.002 cycles apart
+SHIFTS = 240  # of the phase in a cycle without symmetry, among which key 1 is searched for
 
 
 def swimmer_gait_contours(swim: TrackContours) -> GaitContours:
@@ -42,25 +49,48 @@ def walker_gait_contours(
     n: int,
     split: float = 0.25,
     first: int = 0,
+    symmetry: Symmetry = "swap",
+    cycle_frames: float | None = None,
 ) -> tuple[GaitContours, Period, Limbs]:
     """Return a walker's contours and phases in frames with a steady gait, its period, its limbs.
 
     frames: contours by id for each frame, in px, None where missing; n: points of a contour; split:
-    phase of key frame 2, in cycles; first: number of the first frame, for messages. The limbs are
-    the contours in all frames, px from the body, and the body's track. FinloopError if there is no
-    limb, more than half of the frames lack a limb, or no motion repeats.
+    phase of key frame 2, in cycles; first: number of the first frame, for messages; symmetry:
+    "swap" or "none"; cycle_frames: frames of a gait cycle, None = to be found. If it is given all
+    frames count. The limbs are the contours in all frames, px from the body, and the body's track.
+    FinloopError if there is no limb, more than half of the frames lack a limb, no motion repeats,
+    or the film has fewer frames than a cycle.
     """
-    # The body's track is smoothed over a cycle, so the period is found twice: at first with a body
-    # that moves straight.
-    limbs = limb_contours(frames, n, smooth_frames=None, first=first)
-    period = _find_limb_period(limbs, frame_rate_hz)
-    cycle_frames = round(frame_rate_hz / period.frequency_hz)
-    limbs = limb_contours(frames, n, smooth_frames=cycle_frames, first=first)
-    period = _find_limb_period(limbs, frame_rate_hz)
+    if cycle_frames is None:
+        # The body's track is smoothed over a cycle, so the period is found twice: at first with a
+        # body that moves straight.
+        limbs = limb_contours(frames, n, None, first, symmetry)
+        cycle_frames = frame_rate_hz / _find_limb_period(limbs, frame_rate_hz).frequency_hz
+        limbs = limb_contours(frames, n, round(cycle_frames), first, symmetry)
+        period = _find_limb_period(limbs, frame_rate_hz)
+    else:
+        if len(frames) < cycle_frames:
+            raise FinloopError(
+                f"{len(frames)} frames, and a gait cycle of {cycle_frames:g}",
+                "a film of a whole cycle or more",
+                "trace more frames, or correct gait.regions_cycle_frames",
+            )
+        limbs = limb_contours(frames, n, cycle_frames, first, symmetry)
+        phase = np.arange(len(frames)) / cycle_frames
+        every = np.ones(len(frames), bool)
+        period = Period(
+            frame_rate_hz / cycle_frames, phase, every, np.nan, len(frames) / cycle_frames, why=""
+        )
+        if symmetry == "swap":
+            period = set_phase_zero(period, _key_1_signal(limbs.points))
     contours = {name: points[period.steady] for name, points in limbs.points.items()}
-    phase = align_phase(period.phase[period.steady], foot_positions(contours), split)
-    film = GaitContours(contours, phase, limbs.length_px, symmetry="swap").add_hidden_limbs()
-    return replace(film, offsets=partner_offsets(film)), period, limbs
+    phase, feet = period.phase[period.steady], foot_positions(contours)
+    align = align_phase if symmetry == "swap" else align_phase_without_symmetry
+    film = GaitContours(contours, align(phase, feet, split), limbs.length_px, symmetry)
+    if symmetry == "swap":
+        film = film.add_hidden_limbs()
+        film = replace(film, offsets=partner_offsets(film))
+    return film, period, limbs
 
 
 def _find_limb_period(limbs: Limbs, frame_rate_hz: float) -> Period:
@@ -138,6 +168,36 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
     return phase - shift + stretch * (phase - middle)
 
 
+def align_phase_without_symmetry(phase: Floats, foot_x: Floats, split: float) -> Floats:
+    """Return the phase (frames,), shifted so that straight lines joined at the keys fit feet best.
+
+    phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
+    Frames with NaN are not fitted. Key 1 is the key at which the feet are farthest apart.
+    """
+    complete = np.isfinite(foot_x).all(axis=1)
+    known_phase, known_x = phase[complete], foot_x[complete]
+
+    shifts, errors, apart = np.arange(SHIFTS) / SHIFTS, [], []
+    for shift in shifts:
+        terms = _line_terms(known_phase - shift, split)
+        keys = np.linalg.lstsq(terms, known_x, rcond=None)[0]  # the feet in them, (4, k)
+        errors.append(float(((known_x - terms @ keys) ** 2).sum()))
+        apart.append(float(np.ptp(keys[0])))
+    # The keys are the same half a cycle later, and in even quarters a quarter later: there the
+    # errors differ by rounding alone.
+    equal = np.array(errors) <= min(errors) + 1e-9 * float((known_x**2).sum())
+    return phase - shifts[np.where(equal, apart, -1).argmax()]
+
+
+def _line_terms(phase: Floats, split: float) -> Floats:
+    """Return the weights (frames, 4) of four key frames in straight lines between them."""
+    subcycle, tau = locate_in_subcycle(phase, split)
+    terms, row = np.zeros((len(phase), 4)), np.arange(len(phase))
+    terms[row, subcycle] = 1 - tau
+    terms[row, (subcycle + 1) % 4] = tau
+    return terms
+
+
 def _parabola_fit_error(phase: Floats, foot_x: Floats, split: float) -> float:
     """Return the squared error of four parabolas, joined at the key frames, fitted to moving feet.
 
@@ -145,10 +205,8 @@ def _parabola_fit_error(phase: Floats, foot_x: Floats, split: float) -> float:
     frame 2. The error is summed over frames and feet.
     """
     subcycle, tau = locate_in_subcycle(phase, split)
-    terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
-    # Columns 0-3: straight between the values at four key frames. 4-7: a bow in each subcycle.
-    terms[row, subcycle] = 1 - tau
-    terms[row, (subcycle + 1) % 4] = tau
-    terms[row, 4 + subcycle] = tau * (1 - tau)
+    bows = np.zeros((len(phase), 4))  # one in each subcycle
+    bows[np.arange(len(phase)), subcycle] = tau * (1 - tau)
+    terms = np.hstack([_line_terms(phase, split), bows])
     residual = foot_x - terms @ np.linalg.lstsq(terms, foot_x, rcond=None)[0]
     return float((residual**2).sum())

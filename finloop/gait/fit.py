@@ -1,8 +1,9 @@
 """A gait from the contours of a film: its key frames and γ (curve paper §4.2, Figs. 9 to 11).
 
 The contours are sorted into the cycle of the gait. By symmetry every frame counts in the first half
-of the cycle: frames of C and D are the partner's frames of A and B. γ is fitted over the frames of
-a subcycle, see `gait.model`: one for a limb, a scale, a coefficient or a coordinate.
+of the cycle: frames of C and D are the partner's frames of A and B. Without symmetry every frame
+counts where it is, and key frames 1' and 2' are measured as 1 and 2 are. γ is fitted over the
+frames of a subcycle, see `gait.model`: one for a limb, a scale, a coefficient or a coordinate.
 """
 
 from collections.abc import Mapping
@@ -11,34 +12,43 @@ from typing import Any
 
 import numpy as np
 
-from finloop.base.arrays import Mask, Points
+from finloop.base.arrays import Ints, Mask, Points
 from finloop.base.errors import FinloopError
+from finloop.curve.wavelet import find_wavelet
 from finloop.gait.model import (
+    KEY_NAMES,
+    LETTERS,
     MOST_GAMMA,
     POOLED,
     SHARINGS,
     Descriptor,
     Gait,
     HalfCycleLayout,
-    Symmetry,
+    Keys,
     contours_at_phases,
     contours_half_cycle_later,
+    exchange_second_half,
+    four_key_frames,
     gamma_fraction,
     gamma_from_fractions,
-    locate_in_subcycle,
+    locate_with_symmetry,
     opposite_limb,
     start_share,
 )
-from finloop.gait.settings import Sharing
+from finloop.gait.settings import Sharing, Symmetry
 
 WIDEST = 0.125
 """Cycles: largest distance in phase of a frame that stands in for a key, or one frame if longer."""
+ROUNDING = 1e-9  # cycles: a frame that is nearer to a key counts as on either side of it
 SubcycleKey = tuple[str, str]
-"""A subcycle of a contour: its id, and "A" or "B"."""
+"""A subcycle of a contour: its id, and a letter of LETTERS."""
 LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
 """Rounds of `fit_key_frames`. They bring γ of the drawn dog within 6 % at any frame rate, from
 44 % without correction. With more rounds the cubics follow the noise of few frames."""
+LOW = 0.05  # share of a limb's height: a foot on the ground is no higher above it
+GROUND = 0.9  # quantile of the heights of a foot, from the highest on, that is the ground
+SUPPORT_STEPS = 240  # moments of a cycle at which feet are looked at
 LEAST_MOTION = 1e-5
 """Body lengths, RMS over the contour: what moves less between the keys has its parent's γ.
 
@@ -59,17 +69,31 @@ class GaitContours:
     # (2,) by id: how much farther right and down a limb hangs than its left-right partner
     offsets: Mapping[str, Points] | None = None
 
+    @property
+    def layout(self) -> HalfCycleLayout:
+        """Where the second half of the cycle is placed."""
+        return HalfCycleLayout(offsets=self.offsets)
+
     def contours_half_cycle_later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
         """Return the contours, by id, that the animal has half a cycle later, by its symmetry."""
-        return contours_half_cycle_later(
-            contours, self.symmetry, HalfCycleLayout(offsets=self.offsets)
-        )
+        return contours_half_cycle_later(contours, self.symmetry, self.layout)
+
+    def exchange_second_half(self, contours: Mapping[str, Points]) -> dict[str, Points]:
+        """Return the contours, by id, with symmetric images in the second half of each cycle."""
+        return exchange_second_half(contours, self.phase, self.symmetry, self.layout)
+
+    def locate_in_subcycle(self, split: float) -> tuple[Ints, Points]:
+        """Return the number of each frame's subcycle, and which share of it (0-1) is over.
+
+        C counts as A, and D as B, if the film has a symmetry. split: phase of key 2, in cycles.
+        """
+        return locate_with_symmetry(self.phase, self.symmetry, split)
 
     def add_hidden_limbs(self) -> "GaitContours":
         """Return the film with a contour of NaN for each limb that is hidden in all frames.
 
         That is a left limb whose right partner is shown, or the other way round; later it follows
-        from the partner by symmetry. A film of symmetry "mirror", a fish, is returned unchanged.
+        from the partner by symmetry. Films of other symmetries than "swap" are returned unchanged.
         """
         if self.symmetry != "swap":
             return self
@@ -86,27 +110,24 @@ class GaitContours:
         return float(len(self.phase) * np.median(np.diff(self.phase)))
 
 
-@dataclass(frozen=True)
-class KeyFrames:
-    """The key frames 1, 2 and 1' (half a cycle after 1) of a gait: contours (n, 2) by id."""
-
-    first: dict[str, Points]
-    second: dict[str, Points]
-    first_later: dict[str, Points]
-
-
 def check_phases(film: GaitContours) -> None:
-    """Raise FinloopError if the film covers less than half a cycle, or its phase does not rise."""
+    """Raise FinloopError if the film shows too little of a cycle, or its phase does not rise.
+
+    Half a cycle is needed, or a whole one without symmetry.
+    """
     if len(film.phase) < 3 or (np.diff(film.phase) <= 0).any():
         raise FinloopError(
             f"{len(film.phase)} frames whose phase does not always rise",
             "at least 3 frames, each later in the cycle than the previous frame",
             "use a longer film, or find its period again",
         )
-    if film.cycles < 0.5:
+    part = len(LETTERS[film.symmetry]) / 4
+    if film.cycles < part - 1e-6:
         raise FinloopError(
             f"{len(film.phase)} frames show {film.cycles:.2f} of a cycle",
-            "at least half a cycle: the other half follows by symmetry",
+            "at least half a cycle: the other half follows by symmetry"
+            if part < 1
+            else "a whole cycle: no part of it follows by symmetry",
             "use a longer film",
         )
 
@@ -138,59 +159,80 @@ def partner_offsets(film: GaitContours) -> dict[str, Points]:
     return offsets
 
 
-def interpolate_key_frames(film: GaitContours, split: float) -> KeyFrames:
-    """Return the gait's key frames 1, 2 and 1', interpolated from the frames nearest in phase.
+def interpolate_key_frames(film: GaitContours, split: float) -> list[dict[str, Points]]:
+    """Return the gait's key frames 1 and 2, interpolated from the frames nearest in phase.
 
-    split: phase of key 2, in cycles. All cycles and both halves count. FinloopError if a contour is
-    missing in every frame near a key; the message names all such contours.
+    Without symmetry 1' and 2' come after them. split: phase of key 2, in cycles. All cycles count,
+    and by symmetry both halves. FinloopError if a contour is missing in every frame near a key; the
+    message names all such contours.
     """
-    first, second = _interpolate_key(film, 0.0), _interpolate_key(film, split)
+    phases = [0.0, split, 0.5, 0.5 + split][: len(LETTERS[film.symmetry])]
+    keys = [_interpolate_key(film, phase) for phase in phases]
     missing = [
-        f"{name!r} near key {number}"
-        for number, key in enumerate((first, second), start=1)
+        f"{name!r} near key {title}"
+        for title, key in zip(KEY_NAMES, keys, strict=False)
         for name in film.contours
         if name not in key
     ]
     if missing:
         raise FinloopError(
             f"no frame shows {', '.join(missing)}",
-            f"each contour in a frame within {WIDEST:g} of a cycle of both keys",
+            f"each contour in a frame within {WIDEST:g} of a cycle of all keys",
             "use more cycles, or omit the contours that the film does not show",
         )
-    return KeyFrames(first, second, film.contours_half_cycle_later(first))
+    return keys
 
 
 def _interpolate_key(film: GaitContours, key_phase: float) -> dict[str, Points]:
     """Return the contours (n, 2), by id, at a key's phase, from the frames nearest in phase.
 
-    Frames half a cycle from the key count with the symmetric pose. Contours that no frame near the
-    key shows are left out.
+    By symmetry, frames half a cycle from the key count with the symmetric pose. Contours that no
+    frame near the key shows are left out.
     """
-    later = film.contours_half_cycle_later(film.contours)
     step = float(np.median(np.diff(film.phase)))  # cycles from frame to frame
-    half_cycles = np.round((film.phase - key_phase) / 0.5)  # from the key to the frame, whole
-    shows_key = (half_cycles % 2 == 0)[:, None, None]  # else the symmetric pose does
-    distance = np.abs(film.phase - key_phase - 0.5 * half_cycles)
+    period = 1.0 if film.symmetry == "none" else 0.5
+    periods = np.round((film.phase - key_phase) / period)  # from the key to the frame, whole
+    offset = film.phase - key_phase - period * periods
     key = dict[str, Points]()
+    if film.symmetry == "none":
+        later, shows_key = film.contours, np.ones((len(periods), 1, 1), bool)
+    else:
+        later = film.contours_half_cycle_later(film.contours)
+        shows_key = (periods % 2 == 0)[:, None, None]  # else the symmetric pose does
     for name, points in film.contours.items():
         poses = np.where(shows_key, points, later[name])
         shown = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
-        weight = _weights_near_key(distance, shown, step)
+        weight = _weights_near_key(offset, shown, step)
         if weight.any():
-            key[name] = np.tensordot(weight[shown] / weight.sum(), poses[shown], axes=1)
+            key[name] = np.tensordot(weight[shown], poses[shown], axes=1)
     return key
 
 
-def _weights_near_key(distance: Points, shown: Mask, width: float) -> Points:
-    """Return the weights (frames,) of frames in a key: 1 at the key, linearly to 0 at `width`.
+def _weights_near_key(offset: Points, shown: Mask, step: float) -> Points:
+    """Return the weights (frames,) with which frames make a key; their sum is 1, or 0.
 
-    distance (frames,): from the key, in cycles, as `width` is; shown: which frames count. While all
-    weights are 0 the width doubles, up to WIDEST; with that, too, they may all be 0.
+    Frames within a width count, from 1 at the key linearly to 0. They give the key as the straight
+    line through them that fits best. The width is a frame's step or, if that does not reach frames
+    on both sides, up to WIDEST. If none reaches both sides, frames on one side give their mean.
+
+    offset (frames,): from the key, in cycles, as `step` is; shown: which frames count.
     """
-    weight = np.clip(1 - distance / width, 0, None) * shown
-    if weight.any() or width >= WIDEST:
-        return weight
-    return _weights_near_key(distance, shown, min(2 * width, WIDEST))
+    one_side = np.zeros(len(offset))
+    width = step
+    while True:
+        weight = np.clip(1 - np.abs(offset) / width, 0, None) * shown
+        near = offset[weight > 0]
+        if near.size:
+            weight /= weight.sum()
+            if near.min() <= ROUNDING and near.max() >= -ROUNDING:
+                from_mean = offset - weight @ offset
+                spread = max(float(weight @ from_mean**2), 1e-300)  # never divide by 0
+                return weight * (1 - (weight @ offset) * from_mean / spread)
+            if not one_side.any():
+                one_side = weight
+        if width >= WIDEST:
+            return one_side
+        width = min(2 * width, WIDEST)
 
 
 @dataclass(frozen=True)
@@ -207,20 +249,16 @@ class SubcycleFrames:
 def sort_into_subcycles(
     film: GaitContours, split: float, descriptor: Descriptor
 ) -> dict[SubcycleKey, SubcycleFrames]:
-    """Return a film's frames, sorted by contour and by subcycle, A or B.
+    """Return a film's frames, sorted by contour and by subcycle.
 
-    A lies between keys 1 and 2, B between 2 and 1'. Frames in C and D, the second half of the
-    cycle, count in A and B with the symmetric pose. split: phase of key 2, in cycles; descriptor:
-    how contours become coefficients.
+    By symmetry, frames in C and D count in A and B with the symmetric pose. split: phase of key 2,
+    in cycles; descriptor: how contours become coefficients.
     """
-    later = film.contours_half_cycle_later(film.contours)
-    in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
-    subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
+    subcycle, tau = film.locate_in_subcycle(split)
     samples = dict[SubcycleKey, SubcycleFrames]()
-    for name, points in film.contours.items():
-        poses = np.where(in_second_half, later[name], points)
+    for name, poses in film.exchange_second_half(film.contours).items():
         shown = np.isfinite(poses).all(axis=(1, 2))
-        for number, letter in enumerate("AB"):
+        for number, letter in enumerate(LETTERS[film.symmetry]):
             frames = shown & (subcycle == number)
             coefficients = descriptor.coefficients(poses[frames])
             samples[name, letter] = SubcycleFrames(tau[frames], coefficients)
@@ -316,16 +354,31 @@ def _evaluate_two_cubics(tau: Points) -> Points:
 
 
 def build_subcycles(
-    keys: KeyFrames, samples: Mapping[SubcycleKey, SubcycleFrames], descriptor: Descriptor
+    film: GaitContours, keys: Keys, split: float, descriptor: Descriptor
 ) -> dict[SubcycleKey, Subcycle]:
-    """Return the subcycles A and B of each contour, between its key frames.
+    """Return the subcycles of each contour of a film, between its key frames.
 
-    samples: from `sort_into_subcycles`; descriptor: how contours become coefficients.
+    keys: two key frames, or four without symmetry; split: phase of key 2, in cycles; descriptor:
+    how contours become coefficients.
     """
-    ends = {"A": (keys.first, keys.second), "B": (keys.second, keys.first_later)}
+    samples = sort_into_subcycles(film, split, descriptor)
+    return _join_keys_and_samples(film, keys, samples, descriptor)
+
+
+def _join_keys_and_samples(
+    film: GaitContours,
+    keys: Keys,
+    samples: Mapping[SubcycleKey, SubcycleFrames],
+    descriptor: Descriptor,
+) -> dict[SubcycleKey, Subcycle]:
+    """Return the subcycles of each contour: its frames (`samples`) between its key frames."""
+    four_keys = four_key_frames(keys, film.symmetry, film.layout)
+    letters = LETTERS[film.symmetry]
     subcycles = {}
     for (name, letter), frames in samples.items():
-        start, end = (descriptor.coefficients(key[name]) for key in ends[letter])
+        number = letters.index(letter)
+        ends = four_keys[number][name], four_keys[(number + 1) % 4][name]
+        start, end = (descriptor.coefficients(contour) for contour in ends)
         subcycles[name, letter] = Subcycle(frames, start, end, descriptor.scales(len(start)))
     return subcycles
 
@@ -337,7 +390,7 @@ def _nest_tuples(values: Points) -> tuple[Any, ...]:
 
 def fit_key_frames(
     film: GaitContours, split: float, descriptor: Descriptor
-) -> tuple[KeyFrames, dict[SubcycleKey, Subcycle]]:
+) -> tuple[list[dict[str, Points]], dict[SubcycleKey, Subcycle]]:
     """Return a film's key frames, and the subcycles between them.
 
     Linear interpolation of the keys (`interpolate_key_frames`) flattens the curved motion between
@@ -350,17 +403,16 @@ def fit_key_frames(
     samples = sort_into_subcycles(film, split, descriptor)
     _refuse_few_frames(samples)
     linear = keys = interpolate_key_frames(film, split)
-    subcycles = build_subcycles(keys, samples, descriptor)
+    subcycles = _join_keys_and_samples(film, keys, samples, descriptor)
     for _ in range(ROUNDS):
         smooth = _fit_smooth_contours(film, subcycles, split, descriptor)
         # The key frames are exact in the model, so its interpolation differs by the error alone.
         flattened = interpolate_key_frames(replace(film, contours=smooth), split)
-        first, second = dict[str, Points](), dict[str, Points]()
-        for name in keys.first:
-            first[name] = keys.first[name] + linear.first[name] - flattened.first[name]
-            second[name] = keys.second[name] + linear.second[name] - flattened.second[name]
-        keys = KeyFrames(first, second, film.contours_half_cycle_later(first))
-        subcycles = build_subcycles(keys, samples, descriptor)
+        keys = [
+            {name: key[name] + straight[name] - flat[name] for name in key}
+            for key, straight, flat in zip(keys, linear, flattened, strict=True)
+        ]
+        subcycles = _join_keys_and_samples(film, keys, samples, descriptor)
     return keys, subcycles
 
 
@@ -390,22 +442,19 @@ def _fit_smooth_contours(
     The cubics go through the key frames. NaN stays NaN. split: phase of key 2, in cycles;
     descriptor: how contours become coefficients.
     """
-    # At first every frame counts as one of the first half of the cycle: in A or B.
-    subcycle, tau = locate_in_subcycle(np.mod(film.phase, 0.5), split)
-    first_half = dict[str, Points]()
-    for name, points in film.contours.items():
-        first_half[name] = np.empty_like(points)
-        for number, letter in enumerate("AB"):
-            frames = subcycle == number
-            coefficients = subcycles[name, letter].smooth(tau[frames])
-            first_half[name][frames] = descriptor.contours(coefficients, points.shape[1])
-    later = film.contours_half_cycle_later(first_half)
-    in_second_half = (np.mod(film.phase, 1.0) >= 0.5)[:, None, None]
+    subcycle, tau = film.locate_in_subcycle(split)
     smooth = dict[str, Points]()
     for name, points in film.contours.items():
-        poses = np.where(in_second_half, later[name], first_half[name])
-        smooth[name] = np.where(np.isfinite(points), poses, np.nan)
-    return smooth
+        smooth[name] = np.empty_like(points)
+        for number, letter in enumerate(LETTERS[film.symmetry]):
+            frames = subcycle == number
+            coefficients = subcycles[name, letter].smooth(tau[frames])
+            smooth[name][frames] = descriptor.contours(coefficients, points.shape[1])
+    smooth = film.exchange_second_half(smooth)
+    return {
+        name: np.where(np.isfinite(points), smooth[name], np.nan)
+        for name, points in film.contours.items()
+    }
 
 
 def fit_gait(
@@ -417,16 +466,24 @@ def fit_gait(
     wavelet: str = "coif2",
     coarse: int = 4,
     sharing: Sharing = "limb",
-) -> tuple[Gait, KeyFrames]:
-    """Return the gait that fits the contours of a film, and its key frames.
+) -> tuple[Gait, list[dict[str, Points]]]:
+    """Return the gait that fits the contours of a film, and its key frames 1 and 2.
+
+    Without symmetry there are 1' and 2', too.
 
     name: of the gait; split: phase of key 2, in cycles; wavelet, coarse: of the `Descriptor`;
     sharing: what has a γ of its own, see `Subcycle.fit_gammas`. The one γ of POOLED belongs to all
     contours together. `source`, `confidence` and `residuals` are not filled in. FinloopError if the
-    film shows less than half a cycle, its phase does not rise, or it shows a contour in too few
-    frames.
+    film shows too little of a cycle, its phase does not rise, it shows a contour in too few frames,
+    or the wavelet is not orthogonal.
     """
     check_phases(film)
+    if not find_wavelet(wavelet).orthogonal:
+        raise FinloopError(
+            f"the wavelet {wavelet} is not orthogonal",
+            "an orthogonal wavelet: only then does a coefficient weigh as the points that it moves",
+            "set gait.wavelet to coif2, db4 or sym8",
+        )
     keys, subcycles = fit_key_frames(film, split, Descriptor(wavelet, coarse))
     gamma: dict[str, dict[str, Any]] = {name: {} for name in (*film.contours, POOLED)}
     motion: dict[str, dict[str, Any]] = {name: {} for name in film.contours}
@@ -434,9 +491,10 @@ def fit_gait(
         gammas = subcycle.fit_gammas(sharing, LEAST_MOTION * film.body_length)
         gamma[limb][letter] = _nest_tuples(gammas)
         motion[limb][letter] = _nest_tuples(subcycle.motion_shares(sharing))
-    for letter in "AB":
+    for letter in LETTERS[film.symmetry]:
         fractions = [subcycles[limb, letter].gamma_fraction() for limb in film.contours]
-        gamma[POOLED][letter] = (gamma_from_fractions(fractions),)
+        pooled = gamma_from_fractions(fractions)
+        gamma[POOLED][letter] = (min(max(pooled, -MOST_GAMMA), MOST_GAMMA),)
     gait = Gait(
         name=name,
         symmetry=film.symmetry,
@@ -449,26 +507,74 @@ def fit_gait(
         cycles=film.cycles,
         frames=len(film.phase),
     )
-    if film.symmetry == "mirror":
-        return gait, keys
-    return replace(gait, support=_ground_contact_phases(film, keys, gait)), keys
+    if film.symmetry == "swap":
+        gait = replace(gait, support=_ground_contact_of_walk(film, keys, gait))
+    if film.symmetry == "none":
+        gait = replace(gait, support=_ground_contact_in_film(film))
+    return gait, keys
 
 
-def _ground_contact_phases(
-    film: GaitContours, keys: KeyFrames, gait: Gait
+def _has_foot(name: str) -> bool:
+    """Return whether a contour is a limb with a foot: its id names a side."""
+    return "left" in name or "right" in name
+
+
+def _ground_contact_of_walk(
+    film: GaitContours, keys: Keys, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
     """Return when each foot is on the ground: by id, one span (from, to) of phase, in cycles.
 
-    A foot is down from its foremost to its hindmost place; the animal heads for screen right. Only
-    contours with "left" or "right" in their id have a foot: the point that is lowest on average.
+    In a walk a foot is down from its foremost to its hindmost place; the animal heads for screen
+    right. A foot is the point of a limb that is lowest on average.
     """
-    phases = np.arange(240) / 240
+    phases = np.arange(SUPPORT_STEPS) / SUPPORT_STEPS
     spans = dict[str, tuple[tuple[float, float], ...]]()
-    layout = HalfCycleLayout(offsets=film.offsets)
-    for name, points in contours_at_phases(keys.first, keys.second, gait, phases, layout).items():
-        if "left" in name or "right" in name:
+    for name, points in contours_at_phases(keys, gait, phases, film.layout).items():
+        if _has_foot(name):
             lowest = int(points[..., 1].mean(axis=0).argmax())  # y points down
             foot_x = points[:, lowest, 0]
             start, stop = float(phases[foot_x.argmax()]), float(phases[foot_x.argmin()])
             spans[name] = ((start, stop if stop > start else stop + 1.0),)
     return spans
+
+
+def _ground_contact_in_film(film: GaitContours) -> dict[str, tuple[tuple[float, float], ...]]:
+    """Return when each foot is on the ground: by id, one span (from, to) of phase, in cycles.
+
+    A lifted foot may move back, too, as in a gallop. So a foot is down in a frame if it moves back,
+    the animal heading for screen right, and is no higher above the ground than a share LOW of the
+    limb's height. Such frames hold for half a step before and after; the longest span counts. A
+    limb that no frame shows on the ground has none.
+    """
+    step = float(np.median(np.diff(film.phase)))
+    moments = np.arange(SUPPORT_STEPS) / SUPPORT_STEPS
+    offset = moments[:, None] - film.phase
+    is_near = np.abs(offset - np.round(offset)) <= step / 2 + ROUNDING  # (moments, frames)
+    spans = dict[str, tuple[tuple[float, float], ...]]()
+    for name, points in film.contours.items():
+        shown = np.isfinite(points).all(axis=(1, 2))
+        if not _has_foot(name) or shown.sum() < 2:
+            continue
+        limb = points[shown]
+        y = limb[..., 1]  # points down
+        bottom, height = y.max(axis=1), np.median(np.ptp(y, axis=1))
+        foot_x = limb[:, int(y.mean(axis=0).argmax()), 0]
+        moves_back = np.gradient(foot_x, film.phase[shown]) < 0
+        is_low = bottom >= np.quantile(bottom, GROUND) - LOW * height
+        votes = is_near[:, shown].astype(float)
+        down = (votes @ (is_low & moves_back)) > votes.sum(axis=1) / 2
+        if down.any() and not down.all():
+            start, count = _longest_run(down)
+            spans[name] = ((start / SUPPORT_STEPS, (start + count) / SUPPORT_STEPS),)
+    return spans
+
+
+def _longest_run(mask: Mask) -> tuple[int, int]:
+    """Return where the longest run of a mask (frames,) that repeats begins, and its length.
+
+    The mask is neither true nor false everywhere.
+    """
+    edges = np.flatnonzero(mask != np.roll(mask, 1))  # where a run begins
+    lengths = np.diff(edges, append=edges[0] + len(mask))
+    longest = np.where(mask[edges], lengths, 0).argmax()
+    return int(edges[longest]), int(lengths[longest])

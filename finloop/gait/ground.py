@@ -194,7 +194,7 @@ def _shear_limb(
             f"the limb {name!r} has no height", "a limb that stands on its foot", "draw it upright"
         )
     standing = np.concatenate([path.frames for path in foot_paths]) % frames
-    ground_y = float(np.median(low[standing]))
+    ground_y = float(low[standing].max())
     # How far to move the foot right and down, at first only where it is on the ground: back by what
     # it moves more than the ground does, but for the mean of that, and onto the ground.
     foot_shift = np.full((frames, 2), np.nan)

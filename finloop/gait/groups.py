@@ -33,7 +33,8 @@ def find_limbs(drawing: Drawing, gait: Gait) -> dict[str, list[str]]:
     outwards. Else it is its nearest group that does not hold the whole drawing, or its own id.
     """
     named = gait.gamma.keys() | gait.support.keys()
-    everything = set.intersection(*(set(drawing.groups.get(name, ())) for name in drawing.curves))
+    groups_of_contours = [set(drawing.groups.get(name, ())) for name in drawing.curves]
+    everything = set.intersection(*groups_of_contours) if groups_of_contours else set()
     limbs = dict[str, list[str]]()
     for name in drawing.curves:
         shape = shape_of(name)

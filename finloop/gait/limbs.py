@@ -27,6 +27,7 @@ from finloop.curve.contour import (
 )
 from finloop.gait.model import opposite_limb
 from finloop.gait.period import fill_gaps
+from finloop.gait.settings import Symmetry
 
 BODY = "body"
 SMOOTH_PX = 1.0  # SD of the Gaussian that smooths a mask
@@ -90,13 +91,15 @@ def limb_contours(
     n: int,
     smooth_frames: float | None = None,
     first: int = 0,
+    symmetry: Symmetry = "swap",
 ) -> Limbs:
     """Return the contours of all limbs in all frames, n points each, relative to the body, in px.
 
     frames: contours by id for each frame, None where missing; the id "body" gives the place of the
     body, without it the mean of the limbs does. smooth_frames: frames of a cycle, over which the
     body's track is smoothed, None = the body moves straight. first: number of the first frame, for
-    messages. FinloopError if there is no limb, or if one is missing in most frames.
+    messages. symmetry: of the animal. FinloopError if there is no limb, or if one is missing in
+    most frames.
     """
     names = list(dict.fromkeys(name for frame in frames for name in frame))
     limb_names = [name for name in names if name != BODY]
@@ -108,7 +111,7 @@ def limb_contours(
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
     _refuse_rare_regions(regions, first)
-    notes = _describe_doubtful_regions(regions, first)
+    notes = _describe_doubtful_regions(regions, first, symmetry)
     place_names = [BODY] if BODY in regions else names  # their mean is the place of the body
     track = _mean_centres([regions[name] for name in place_names])
     course = smooth_track(track, smooth_frames)  # of the body in the picture
@@ -188,14 +191,22 @@ def _find_hips(contours: Complex) -> Ints:
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:
-    """Return a track (frames, k), smoothed by the mean over `window` frames.
+    """Return a track (frames, k), smoothed by the mean over a cycle of `window` frames.
 
     Within half a window of the ends, the means continue in a straight line. The whole track becomes
-    one straight line if `window` is None, or if the track is shorter than two windows.
+    one straight line if it is shorter than two windows, or `window` is None. Its slope is then that
+    between frames a cycle apart, so that the line does not rise with the body within the cycle; a
+    single cycle has no such frames, and the body stays at its mean place. Without a window, the
+    line is the one that fits best.
     """
     time = np.arange(len(track), dtype=float)
-    if window is None or len(track) < 2 * window:
+    if window is None:
         return _evaluate_fitted_line(time, track, time)
+    if len(track) < 2 * window:
+        cycle = round(window)
+        steps = (track[cycle:] - track[: max(0, len(track) - cycle)]) / cycle
+        slope = steps.mean(axis=0) if len(steps) else np.zeros(track.shape[1])
+        return np.asarray(track.mean(axis=0) + (time - time.mean())[:, None] * slope)
     half = int(np.ceil(window / 2))
     # The share of each frame's time within the window.
     weight = np.clip(window / 2 + 0.5 - np.abs(np.arange(-half, half + 1)), 0, 1)
@@ -228,17 +239,18 @@ def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
 
 
 def _describe_doubtful_regions(
-    regions: Mapping[str, Sequence[Region]], first: int
+    regions: Mapping[str, Sequence[Region]], first: int, symmetry: Symmetry
 ) -> tuple[str, ...]:
     """Return notes for the user on limbs without a side, and on missing or small regions.
 
     regions: by id, one for each frame, no `Curve` where the frame lacks it; first: number of the
-    first frame.
+    first frame; symmetry: without one, a limb needs no side.
     """
     notes = []
     for name, frames in regions.items():
         gaps = _describe_gaps(frames, first)
-        if name != BODY and "left" not in name and "right" not in name:
+        no_side = name != BODY and "left" not in name and "right" not in name
+        if no_side and symmetry != "none":
             notes.append(
                 f"{name} has no side, left or right: it is assumed to move alike in both halves of"
                 " the cycle"

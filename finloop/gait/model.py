@@ -18,16 +18,17 @@ It is linear in γ, so least squares over frames y has a closed form:
 The inner products run over what shares a γ: a limb, a scale, a coefficient, or one coordinate of it
 (`gait.settings.Sharing`). c and d are wavelet coefficients, which the paper's f_m takes one by one.
 
-The second half repeats the first by symmetry. "swap", an animal from the side: 1' is 1 with the
-left and right limbs exchanged. "mirror", a fish from above: 1' is 1 reflected in the axis of the
-body, with left and right parts exchanged, too. So C is the partner's A, D is the partner's B, and γ
-belongs to A and B alone.
+Mostly the second half repeats the first by symmetry. "swap", an animal from the side: 1' is 1 with
+the left and right limbs exchanged. "mirror", a fish from above: 1' is 1 reflected in the axis of
+the body, with left and right parts exchanged, too. So C is the partner's A, D is the partner's B,
+and γ belongs to A and B alone. Without symmetry, "none", as in a gallop, all four key frames are
+given, and γ belongs to A, B, C and D.
 """
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Annotated, Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,10 +45,11 @@ from finloop.curve.wavelet import (
     scale_slices,
     wavelet_transform,
 )
-from finloop.gait.settings import Sharing
+from finloop.gait.settings import Sharing, Symmetry
 
-Symmetry = Literal["swap", "mirror"]
-SYMMETRIES: tuple[Symmetry, ...] = ("swap", "mirror")
+SYMMETRIES: tuple[Symmetry, ...] = get_args(Symmetry)
+LETTERS: Mapping[Symmetry, str] = {"swap": "AB", "mirror": "AB", "none": "ABCD"}
+"""By symmetry: the subcycles with a γ. They make up the first half of the cycle, or all of it."""
 SHARINGS: tuple[Sharing, ...] = get_args(Sharing)
 """From one γ a limb to one for each coordinate of a coefficient."""
 POOLED = "*"  # the id whose γ holds for contours that a gait does not name
@@ -105,7 +107,9 @@ Gammas = Annotated[
     Annotated[ScaleGammas, Tag("scales")] | Annotated[CoefficientGammas, Tag("coefficients")],
     Discriminator(_tag_gammas),
 ]
-Subcycles = Annotated[Mapping[Annotated[str, Field(pattern="^[AB]$")], Gammas], Field(min_length=2)]
+Subcycles = Annotated[
+    Mapping[Annotated[str, Field(pattern="^[A-D]$")], Gammas], Field(min_length=2, max_length=4)
+]
 Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_check_spans)]
 
 
@@ -116,19 +120,20 @@ class Gait:
     name: Annotated[str, Field(min_length=1)]
     symmetry: Symmetry
     frequency_hz: Annotated[float, Field(gt=0, lt=1000)]
-    # by id (or POOLED), then by "A" and "B": one γ, [γ]; or one for each scale from coarse to fine,
-    # [γ, γ …], as `curve.wavelet.scale_slices` has them with `coarse` coefficients in the
-    # approximation, the last for all finer scales; or one for each coefficient, [[γ], [γ] …]; or
-    # one for each coordinate of each coefficient, [[γ of x, γ of y], …]
+    # by id (or POOLED), then by subcycle, see LETTERS: one γ, [γ]; or one for each scale from
+    # coarse to fine, [γ, γ …], as `curve.wavelet.scale_slices` has them with `coarse` coefficients
+    # in the approximation, the last for all finer scales; or one for each coefficient,
+    # [[γ], [γ] …]; or one for each coordinate of each coefficient, [[γ of x, γ of y], …]
     gamma: Annotated[Mapping[str, Subcycles], Field(min_length=1)]
     split: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     wavelet: str = "coif2"
     coarse: Annotated[int, Field(ge=1, le=2**16), AfterValidator(_check_power_of_two)] = 4
-    # by id: spans of phase (from, to) in which the foot is on the ground; `to` may exceed 1. Swap
-    # only
+    # by id: spans of phase (from, to) in which the foot is on the ground; `to` may exceed 1. Not
+    # for a mirror
     support: Mapping[str, Spans] = field(default_factory=dict)
     source: str = ""
-    confidence: Annotated[float, Field(ge=0, le=1)] = 1.0  # of the period
+    # of the period; None if it was given, not found
+    confidence: Annotated[float, Field(ge=0, le=1)] | None = 1.0
     # cycles, frames: of the film that it was fitted to
     cycles: Annotated[float, Field(ge=0)] = 0.0
     frames: Annotated[int, Field(ge=0)] = 0
@@ -139,7 +144,14 @@ class Gait:
     motion: Mapping[str, Subcycles] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless `motion` has a number for each γ of its contours."""
+        """Raise ValueError unless there is γ for each subcycle of LETTERS, with its `motion`."""
+        letters = LETTERS.get(self.symmetry)
+        for name, subcycles in self.gamma.items():
+            if letters is not None and sorted(subcycles) != list(letters):
+                raise ValueError(
+                    f"gamma.{name} is for {', '.join(sorted(subcycles))}, but a gait of symmetry"
+                    f" {self.symmetry} has {', '.join(letters)}"
+                )
         for name, subcycles in self.motion.items():
             for letter, values in subcycles.items():
                 gammas = self.gamma.get(name, {}).get(letter, ())
@@ -147,14 +159,14 @@ class Gait:
                     raise ValueError(f"motion.{name}.{letter} has not one number for each γ")
 
     def contour_gamma(self, name: str, letter: str) -> tuple[Any, ...]:
-        """Return γ of a contour in subcycle A or B: its own, else that of all contours, else 0."""
+        """Return γ of a contour in a subcycle: its own, else that of all contours, else 0."""
         return tuple(self.gamma.get(name, self.gamma.get(POOLED, {})).get(letter, (0.0,)))
 
     def limb_gamma(self, name: str, letter: str) -> float:
         """Return one γ for a contour in a subcycle: the mean of its γ by energy of motion.
 
-        name, letter: the contour's id and "A" or "B". The weights are squares of `motion`; without
-        it all γ weigh alike. So the result is γ that least squares give for the whole limb.
+        name, letter: the contour's id and the subcycle. The weights are squares of `motion`. With
+        it the result is γ that least squares give for the whole limb; without it all γ weigh alike.
         """
         gammas = np.array(self.gamma[name][letter])
         weights = np.square(self.motion.get(name, {}).get(letter, np.zeros_like(gammas)))
@@ -366,6 +378,11 @@ def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = No
     return points[..., order, :] * [1, -1] + [0, 2 * middle]
 
 
+KEY_NAMES = ("1", "2", "1'", "2'")
+Keys = Sequence[Mapping[str, Points]]
+"""Key frames 1 and 2, without symmetry also 1' and 2': contours (n, 2) by id."""
+
+
 @dataclass(frozen=True)
 class HalfCycleLayout:
     """Where an animal's second half of a gait cycle differs in place from the first half."""
@@ -389,37 +406,51 @@ class HalfCycleLayout:
         return np.asarray((self.offsets or {}).get(name, np.zeros(2)))
 
 
-def four_key_frames(
-    key1: Mapping[str, Points],
-    key2: Mapping[str, Points],
-    symmetry: Symmetry,
-    layout: HalfCycleLayout = HalfCycleLayout(),
-) -> tuple[dict[str, Points], dict[str, Points], dict[str, Points], dict[str, Points]]:
-    """Return key frames 1, 2, 1', 2' (Fig. 9) from 1 and 2: contours (n, 2) by id.
+def check_key_count(count: int, symmetry: Symmetry) -> None:
+    """Raise FinloopError unless a gait of this symmetry has so many key frames: 2, without it 4."""
+    wanted = len(LETTERS.get(symmetry, "AB"))
+    if count != wanted:
+        raise FinloopError(
+            f"{count} key poses for a gait of symmetry {symmetry!r}",
+            "two: 1 and 2" if wanted == 2 else "four: 1, 2, 1' and 2', in this order",
+            "give so many, or use a gait of another symmetry",
+        )
 
-    Equal point numbers mean the same place of the body in both keys and, if the symmetry is "swap",
-    in left-right partners. symmetry: "swap" (limbs from the side) or "mirror" (a fish from above);
-    layout: where the second half of the cycle is placed. FinloopError, with up to six problems, if
-    ids or numbers of points differ between the keys or between partners.
+
+def four_key_frames(
+    keys: Keys, symmetry: Symmetry, layout: HalfCycleLayout = HalfCycleLayout()
+) -> list[dict[str, Points]]:
+    """Return key frames 1, 2, 1', 2' (Fig. 9): contours (n, 2) by id.
+
+    keys: 1 and 2, from which the others follow by symmetry; all four if the symmetry is "none".
+    Equal point numbers mean the same place of the body in all keys and, if the symmetry is "swap",
+    in left-right partners. layout: where the second half of the cycle is placed. FinloopError, with
+    up to six problems, if there are too few or too many keys, or ids or numbers of points differ
+    between the keys or between partners.
     """
-    problems = [f"{name!r} only in key 1" for name in key1 if name not in key2]
-    problems += [f"{name!r} only in key 2" for name in key2 if name not in key1]
-    for name in key1:
-        count = len(key1[name])
-        if name in key2 and count != len(key2[name]):
-            problems.append(f"{name!r} has {count} points in key 1, {len(key2[name])} in 2")
-        twin = opposite_limb(name, key1)
+    check_key_count(len(keys), symmetry)
+    key1, problems = keys[0], list[str]()
+    for title, key in zip(KEY_NAMES[1:], keys[1:], strict=False):
+        problems += [f"{name!r} only in key 1, not {title}" for name in key1 if name not in key]
+        problems += [f"{name!r} only in key {title}, not 1" for name in key if name not in key1]
+        for name in key1.keys() & key.keys():
+            if len(key1[name]) != len(key[name]):
+                counts = f"{len(key1[name])} points in key 1, {len(key[name])} in {title}"
+                problems.append(f"{name!r} has {counts}")
+    for name in key1 if symmetry != "none" else ():
+        count, twin = len(key1[name]), opposite_limb(name, key1)
         if name < twin and count != len(key1[twin]):
             problems.append(f"{name!r} has {count} points, its partner {twin!r} {len(key1[twin])}")
     if problems or not key1:
         raise FinloopError(
             f"the keys do not match: {'; '.join(problems[:6]) or 'no contours'}",
-            "the same ids and numbers of points in both keys and in left and right",
+            "the same ids and numbers of points in all keys and in left and right",
             "give the contours of a pair the same id and resample them alike",
         )
-    keys = [{name: np.asarray(key[name], np.float64) for name in key1} for key in (key1, key2)]
-    later = [contours_half_cycle_later(key, symmetry, layout) for key in keys]
-    return keys[0], keys[1], later[0], later[1]
+    given = [{name: np.asarray(key[name], np.float64) for name in key1} for key in keys]
+    if symmetry == "none":
+        return given
+    return given + [contours_half_cycle_later(key, symmetry, layout) for key in given]
 
 
 def contours_half_cycle_later(
@@ -430,12 +461,12 @@ def contours_half_cycle_later(
     A left limb gets the contour of its right twin, and the other way round; an id without a partner
     is its own twin. symmetry, layout: "swap" moves the twin's contour by the limb's offset;
     "mirror" reflects it in the line y = middle, and takes its points in the limb's order. Two calls
-    give the first contours again: FinloopError if the layout prevents that, or the symmetry is none
-    of SYMMETRIES.
+    give the first contours again: FinloopError if the layout prevents that, or there is no such
+    symmetry.
     """
-    if symmetry not in SYMMETRIES:
+    if LETTERS.get(symmetry) != "AB":
         raise FinloopError(
-            f"the symmetry {symmetry!r}", f"one of {', '.join(SYMMETRIES)}", "choose one of these"
+            f"the symmetry {symmetry!r}", "'swap' or 'mirror'", "choose one of these"
         )
     later = dict[str, Points]()
     for name in contours:
@@ -476,71 +507,79 @@ def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
     return subcycle, (phase - ends[subcycle]) / (ends[subcycle + 1] - ends[subcycle])
 
 
+def locate_with_symmetry(phase: Points, symmetry: Symmetry, split: float) -> tuple[Ints, Points]:
+    """Return the result of `locate_in_subcycle`, with C counted as A and D as B by symmetry.
+
+    Without symmetry there are all four.
+    """
+    return locate_in_subcycle(np.mod(phase, len(LETTERS[symmetry]) / 4), split)
+
+
 # --- the cycle
 
 
 def contours_at_phases(
-    key1: Mapping[str, Points],
-    key2: Mapping[str, Points],
+    keys: Keys,
     gait: Gait,
     phases: Points,
     layout: HalfCycleLayout = HalfCycleLayout(),
     *,
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
+    wavelet: str | None = None,
 ) -> dict[str, Points]:
     """Return contours (frames, n, 2), by id, at phases (frames,) of a gait cycle (Figs. 12–14).
 
-    key1, key2: key frames, contours (n, 2) by id; layout: where the second half of the cycle is
-    placed; closed: by id, True if absent; control: to how many control points each contour is
-    reduced, a power of two, None = not. FinloopError if the keys do not match, γ is per coefficient
-    of another number of points, or that number is no power of two although there is a `control` or
-    γ is per scale.
+    keys: two key frames, or four without symmetry; layout: where the second half of the cycle is
+    placed; closed: by id, True if absent; control: to how many control points of a `wavelet`, by
+    default the gait's, each contour is reduced, a power of two, None = not. FinloopError if the
+    keys do not match, γ is per coefficient of another number of points, or that number is no power
+    of two although there is a `control` or γ is per scale.
     """
-    keys = four_key_frames(key1, key2, gait.symmetry, layout)
+    four_keys = four_key_frames(keys, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
-    # At first every phase counts as one of the first half: in subcycle 0 (A) or 1 (B).
-    subcycle, tau = locate_in_subcycle(np.mod(phases, 0.5), gait.split)
-    first_half = dict[str, Points]()
-    for name in key1:
+    subcycle, tau = locate_with_symmetry(phases, gait.symmetry, gait.split)
+    cycle = dict[str, Points]()
+    for name in four_keys[0]:
         is_closed = (closed or {}).get(name, True)
-        gammas = [gait.contour_gamma(name, letter) for letter in "AB"]
-        poses = interpolate_first_half(
-            [key[name] for key in keys[:3]], gammas, subcycle, tau, gait.descriptor, is_closed
+        gammas = [gait.contour_gamma(name, letter) for letter in LETTERS[gait.symmetry]]
+        poses = interpolate_subcycles(
+            [key[name] for key in four_keys], gammas, subcycle, tau, gait.descriptor, is_closed
         )
         if control is not None:
-            poses = reduce_control_points(poses, control, gait.wavelet, is_closed)
-        first_half[name] = poses
-    return add_second_half(first_half, phases, gait.symmetry, layout)
+            poses = reduce_control_points(poses, control, wavelet or gait.wavelet, is_closed)
+        cycle[name] = poses
+    return exchange_second_half(cycle, phases, gait.symmetry, layout)
 
 
-def interpolate_first_half(
+def interpolate_subcycles(
     keys: Sequence[Points], gammas: Sequence[tuple[Any, ...]], subcycle: Ints, tau: Points,
     descriptor: Descriptor, closed: bool = True,
 ) -> Points:  # fmt: skip
-    """Return a contour (frames, n, 2) in the subcycles A and B of a gait cycle.
+    """Return a contour (frames, n, 2) in the subcycles of a gait cycle.
 
-    keys: the contour (n, 2) in key frames 1, 2 and 1'; gammas: γ of A and of B; subcycle, tau
-    (frames,): 0 for A, 1 for B, and the share 0-1 of it that is over.
+    keys: the contour (n, 2) in the four key frames; gammas: γ of A and B, without symmetry also of
+    C and D; subcycle, tau (frames,): 0 for A, 1 for B …, and the share 0-1 of it that is over.
     """
     poses = np.empty((len(tau), *keys[0].shape))
     for number, gamma in enumerate(gammas):
         frames = subcycle == number
-        poses[frames] = interpolate_contours(
-            keys[number], keys[number + 1], tau[frames], gamma, descriptor, closed
-        )
+        start, end = keys[number], keys[(number + 1) % len(keys)]
+        poses[frames] = interpolate_contours(start, end, tau[frames], gamma, descriptor, closed)
     return poses
 
 
-def add_second_half(
-    first_half: Mapping[str, Points], phases: Points, symmetry: Symmetry, layout: HalfCycleLayout
+def exchange_second_half(
+    contours: Mapping[str, Points], phases: Points, symmetry: Symmetry, layout: HalfCycleLayout
 ) -> dict[str, Points]:
-    """Return contours (frames, n, 2), by id, with those of the second half of the cycle in place.
+    """Return contours (frames, n, 2), by id; in the second half of the cycle, their images.
 
-    first_half: contours at the phases (frames,), each counted as one of the first half. C and D are
-    the symmetric images of A and B. Computed anew they would differ a little, as the descriptor
-    depends on where a contour begins.
+    The symmetric images turn frames of C and D, at the phases (frames,), into such of A and B, and
+    back. So C and D are not computed anew: that would differ a little, as the descriptor depends on
+    where a contour begins. Without symmetry all contours are returned unchanged.
     """
-    later = contours_half_cycle_later(first_half, symmetry, layout)
+    if symmetry == "none":
+        return dict(contours)
+    later = contours_half_cycle_later(contours, symmetry, layout)
     in_first_half = (np.mod(phases, 1.0) < 0.5)[:, None, None]
-    return {name: np.where(in_first_half, poses, later[name]) for name, poses in first_half.items()}
+    return {name: np.where(in_first_half, poses, later[name]) for name, poses in contours.items()}

@@ -9,6 +9,8 @@ from finloop.base.settings import Positive
 
 Sharing = Literal["limb", "scale", "coefficient", "coordinate"]
 """What has a γ of its own: a limb, a scale of it, a wavelet coefficient, or its x and y each."""
+Symmetry = Literal["swap", "mirror", "none"]
+"""What half a cycle later is like: limbs exchanged, the animal mirrored, or nothing known of it."""
 
 
 @dataclass(frozen=True)
@@ -18,11 +20,13 @@ class GaitSettings:
     limbs: Literal["dog", "regions"]
     regions: str | None
     regions_rate_hz: Positive | None
+    regions_cycle_frames: Positive | None
+    symmetry: Literal["swap", "none"]
     contour_points: Annotated[int, Field(ge=64, le=1024)]
     gamma: Sharing
     level: Annotated[int, Field(ge=0, le=8)]
     wavelet: str
-    walker_drawings: tuple[str, str]
+    walker_drawings: Annotated[tuple[str, ...], Field(min_length=2, max_length=4)]
     swimmer_drawings: tuple[str, str]
     swimmer_gait: str | None
 
@@ -50,10 +54,15 @@ class GaitSettings:
     }
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless points are a power of two, and regions have a folder and rate."""
+        """Raise ValueError if values do not go together, or the points are no power of two."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")
         if self.contour_points >> self.level < 4:
             raise ValueError("level leaves a contour fewer than 4 control points")
         if self.limbs == "regions" and (self.regions is None or self.regions_rate_hz is None):
             raise ValueError("limbs=regions needs regions, a folder, and regions_rate_hz")
+        if self.limbs == "dog" and self.symmetry == "none":
+            raise ValueError("symmetry=none needs limbs=regions: the drawn dog walks")
+        poses = 4 if self.symmetry == "none" else 2
+        if len(self.walker_drawings) != poses:
+            raise ValueError(f"walker_drawings needs {poses} key poses: symmetry={self.symmetry}")

@@ -1,12 +1,11 @@
 """The command line of `gait`: two key poses and the name of a gait give a moving drawing.
 
-`python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. Contours of the same id form
-a pair. The file name's ending selects the format: .svg, .webp, .mp4, .json, .lottie.json,
-.spine.json.
+`python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. A gait without symmetry, such
+as a gallop, takes four key poses. Contours of the same id belong together. The file name's ending
+selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json.
 """
 
 import argparse
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -55,9 +54,8 @@ def _write_cycle(options: argparse.Namespace) -> str:
     wavelet = options.wavelet or gait.wavelet
     Resolution(options.level, wavelet).check(options.points)
     control = options.points >> options.level if options.level else None
-    gait = replace(gait, wavelet=wavelet)
-    poses = load_svg(options.key1), load_svg(options.key2)
-    result = animate_drawing(*poses, gait, frames, options.points, control)
+    poses = [load_svg(path) for path in options.keys]
+    result = animate_drawing(poses, gait, frames, options.points, control, wavelet)
     shown = repeat_cycle(result.morph, options.cycles)
     lost = save_animation(options.output, shown, rate, options.size)
     summary = _summarise_transfer(result, gait, float(frames / rate))
@@ -142,7 +140,11 @@ class _ListGaits(argparse.Action):
         """Print each shipped gait with its frequency and symmetry, then exit."""
         for name, path in shipped_gait_files(SHIPPED).items():
             gait = load_gait(path)
-            kind = {"swap": "left and right exchange", "mirror": "left mirrors right"}
+            kind = {
+                "swap": "left and right exchange",
+                "mirror": "left mirrors right",
+                "none": "no symmetry, four key poses",
+            }
             print(f"{name}: {gait.frequency_hz:.3g} Hz, {kind[gait.symmetry]}; {gait.source}")
         parser.exit()
 
@@ -151,12 +153,17 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     """Return the parser of the command line's options."""
     parser = argparse.ArgumentParser(
         prog=program,
-        description="Animate a drawing: two key poses and a gait give a cycle that repeats."
-        " Shapes of the same id form a pair; limbs are fore_left, fore_right, hind_left,"
-        " hind_right.",
+        description="Animate a drawing: key poses and a gait give a cycle that repeats. Shapes of"
+        " the same id belong together; limbs are fore_left, fore_right, hind_left, hind_right.",
     )
-    parser.add_argument("key1", type=Path, help="limbs at their extremes, SVG")
-    parser.add_argument("key2", type=Path, help="a quarter of a cycle later, with the same ids")
+    parser.add_argument(
+        "keys",
+        type=Path,
+        nargs="+",
+        metavar="key",
+        help="key poses, SVG: the first with the limbs at their extremes, the second a quarter of a"
+        " cycle later. A gait without symmetry takes four, a quarter of a cycle apart",
+    )
     parser.add_argument("--gait", required=True, help="a name from --list, or a JSON file")
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help=f"output file: {', '.join(ENDINGS)}"
@@ -171,6 +178,6 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--cycles", type=int, default=1, help="number of cycles (default 1)")
     parser.add_argument("--points", type=int, default=128, help="per contour (default 128)")
-    add_resolution_options(parser, "scales with a γ each", "the gait's")
+    add_resolution_options(parser, "", "the gait's")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     return parser

@@ -2,7 +2,8 @@
 
 Keys 1 and 2 are drawings with the same ids; keys 1' and 2' follow by symmetry. In a "swap" left and
 right limbs exchange their poses, so a limb and its partner should hang at the same place of the
-body. In a "mirror" the axis is the horizontal middle line of the picture.
+body. In a "mirror" the axis is the horizontal middle line of the picture. Without symmetry 1' and
+2' are drawings, too.
 
 γ per coefficient stays with the contour that it was fitted to: a drawing begins its contours
 elsewhere, and moves other coefficients. So γ is pooled to one a limb, weighted by energy.
@@ -22,14 +23,17 @@ import numpy as np
 from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
+from finloop.base.style import Paint
 from finloop.curve.contour import Curve, orient_clockwise, resample_curve
 from finloop.gait.ground import Ground, Limbs, Support, measure_ground, plant_feet
 from finloop.gait.groups import find_limbs, join_contours, name_partners
 from finloop.gait.model import (
+    LETTERS,
     POOLED,
     Gait,
     HalfCycleLayout,
-    Symmetry,
+    Keys,
+    check_key_count,
     contours_at_phases,
     four_key_frames,
     locate_in_subcycle,
@@ -37,10 +41,12 @@ from finloop.gait.model import (
     reduce_control_points,
     reversed_order,
 )
+from finloop.gait.settings import Symmetry
 from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing, mix_styles
 
 UPRIGHT = 0.02  # weight of the likeness without a turn
 FINE = 8  # start points tried between two points of a contour
+ROUNDS = 2  # of the search for the usual turn of a contour
 LEAST_FRAMES = 4  # one per key
 LIFT = 0.02  # least height of a lifted foot, as a share of the limb's height
 DIGITS = (5,)  # significant digits of the larger side: 0.01 px if the drawing has 1000 px
@@ -50,7 +56,8 @@ DIGITS = (5,)  # significant digits of the larger side: 0.01 px if the drawing h
 class Transfer:
     """One gait cycle of an animated drawing, and what may look wrong in it."""
 
-    # one cycle, frame k at phase k / frames; tau rises from 0 at key 1 to 1 at key 1', then falls
+    # one cycle, frame k at phase k / frames; tau rises from 0 at key 1 to 1 at key 1', then falls;
+    # without symmetry it is the phase
     morph: Morph
     # before, after: the ground before and after `plant_feet`, lengths in widths of the drawing
     # (key 1, all contours); None if the gait or the drawing has no feet
@@ -63,66 +70,67 @@ class Transfer:
 
 
 def animate_drawing(
-    key1: Drawing,
-    key2: Drawing,
+    key_poses: Sequence[Drawing],
     gait: Gait,
     frames: int,
     points: int = 128,
     control: int | None = None,
+    wavelet: str | None = None,
 ) -> Transfer:
-    """Return a drawing's gait cycle between its key poses 1 and 2, with its feet on the ground.
+    """Return a drawing's gait cycle between its key poses, with its feet on the ground.
 
     The result also says how far feet slide before and after they are put on the ground, which
     contours leave the picture, and which feet are drawn too high (`Transfer`).
-    key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
-    is fitted into the picture of the first. frames: of the cycle, at least 4. points, control:
-    numbers of points and of control points (Fig. 14, None = no reduction) of every contour; powers
-    of two if `control` is set or γ is per scale. FinloopError if the poses do not match, a limb has
-    no height, or a number is out of range.
+    key_poses: 1 and 2, without symmetry also 1' and 2', with the same ids, each contour closed in
+    all or open in all; the others are fitted into the picture of the first. frames: of the cycle,
+    at least 4. points, control: numbers of points and of control points (Fig. 14, None = no
+    reduction) of every contour; powers of two if `control` is set or γ is per scale; wavelet: of
+    the control points, by default the gait's. FinloopError if the poses do not match or are too few
+    or many, a limb has no height, or a number is out of range.
     """
     check_sizes("cycle", frames, points, LEAST_FRAMES)
-    check_pairs(key1, key2)
-    key2 = fit_drawing(key2, key1.width, key1.height)
+    check_key_count(len(key_poses), gait.symmetry)
+    key1 = key_poses[0]
+    for pose in key_poses[1:]:
+        check_pairs(key1, pose)
     limbs = find_limbs(key1, gait)
-    new_names = name_partners(limbs, key1.curves)
-    first, second = _rename_curves(key1, new_names), _rename_curves(key2, new_names)
+    new_names = {name: name for name in key1.curves}
+    if gait.symmetry != "none":
+        new_names = name_partners(limbs, key1.curves)
+    fitted = [fit_drawing(pose, key1.width, key1.height) for pose in key_poses]
+    poses = [_rename_curves(pose, new_names) for pose in fitted]
     limbs = {limb: [new_names[name] for name in names] for limb, names in limbs.items()}
-    closed = {name: curve.closed for name, curve in first.curves.items()}
-    keys = match_key_poses(first, second, gait.symmetry, points)
-    swap = gait.symmetry == "swap"  # an animal from the side, which may have feet
+    closed = {name: curve.closed for name, curve in poses[0].curves.items()}
+    keys = match_key_poses(poses, gait.symmetry, points)
+    swap = gait.symmetry == "swap"  # an animal from the side
     offsets = _standing_offsets(_join_limbs(keys[0], limbs), gait) if swap else {}
-    if swap:
-        layout = HalfCycleLayout(
-            offsets={name: offsets[limb] for limb in offsets for name in limbs[limb]}
-        )
-    else:
-        orders = mirrored_point_orders(*keys, closed)
+    layout = HalfCycleLayout(
+        offsets={name: offsets[limb] for limb in offsets for name in limbs[limb]}
+    )
+    if gait.symmetry == "mirror":
+        orders = mirrored_point_orders(keys[0], keys[1], closed)
         layout = HalfCycleLayout(middle=key1.height / 2, orders=orders)
     phases = np.arange(frames) / frames
     limb_gait = _spread_gamma(pool_gammas(gait), limbs)
-    layers = contours_at_phases(*keys, limb_gait, phases, layout, closed=closed, control=control)
-    four_keys: Sequence[dict[str, Points]] = four_key_frames(*keys, gait.symmetry, layout)
+    wavelet = wavelet or gait.wavelet
+    layers = contours_at_phases(
+        keys, limb_gait, phases, layout, closed=closed, control=control, wavelet=wavelet
+    )
+    four_keys = four_key_frames(keys, gait.symmetry, layout)
     if control is not None:
-        four_keys = tuple(
-            {
-                name: reduce_control_points(key, control, gait.wavelet, closed[name])
-                for name, key in poses.items()
-            }
-            for poses in four_keys
-        )
+        for key in four_keys:
+            for name, contour in key.items():
+                key[name] = reduce_control_points(contour, control, wavelet, closed[name])
     layers = join_contours(layers, four_keys, limbs, closed, phases, gait.split)
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
-    support = gait.support if swap else {}
+    support = {} if gait.symmetry == "mirror" else gait.support
     planted = plant_feet(layers, support, limbs)
-    subcycle, share = locate_in_subcycle(phases, gait.split)
-    styles = mix_styles(  # the paint of key 2 at keys 2 and 2'
-        first, second, np.where(subcycle % 2 == 0, share, 1 - share), planted, keys
-    )
+    styles = _mix_styles_over_cycle(poses, keys, planted, phases, gait.split)
     old_names = {new: old for old, new in new_names.items()}
-    tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)  # from 0 at key 1 to 1 at 1', and back
+    # tau: with symmetry from 0 at key 1 to 1 at 1', and back
     morph = build_morph(
         key1,
-        tau,
+        phases if gait.symmetry == "none" else 1 - np.abs(1 - 2 * phases),
         {old_names[name]: stack for name, stack in planted.items()},
         {old_names[name]: paints for name, paints in styles.items()},
         DIGITS,
@@ -136,6 +144,31 @@ def animate_drawing(
         outside=_count_frames_outside(morph),
         lifted=_find_lifted_feet(_join_limbs(keys[1], limbs), gait, offsets) if swap else (),
     )
+
+
+def _mix_styles_over_cycle(
+    poses: Sequence[Drawing],
+    keys: Keys,
+    layers: Mapping[str, Points],
+    phases: Points,
+    split: float,
+) -> dict[str, tuple[Paint, ...]]:
+    """Return, by id, how each contour is painted at phases (frames,) of a gait cycle.
+
+    poses, keys: the key poses and their contours; with only two, 1' is painted as 1, and 2' as 2.
+    layers: contours (frames, n, 2) by id; split: phase of key 2.
+    """
+    subcycle, share = locate_in_subcycle(phases, split)
+    paints = dict[str, dict[int, Paint]]()  # by id and frame
+    for number in range(4):
+        frames = np.flatnonzero(subcycle == number)
+        start, end = number % len(poses), (number + 1) % len(poses)
+        stacks = {name: stack[frames] for name, stack in layers.items()}
+        ends = keys[start], keys[end]
+        styles = mix_styles(poses[start], poses[end], share[frames], stacks, ends)
+        for name, painted in styles.items():
+            paints.setdefault(name, {}).update(zip(frames.tolist(), painted, strict=True))
+    return {name: tuple(by_frame[k] for k in sorted(by_frame)) for name, by_frame in paints.items()}
 
 
 def _rename_curves(drawing: Drawing, new_names: Mapping[str, str]) -> Drawing:
@@ -190,7 +223,7 @@ def pool_gammas(gait: Gait) -> Gait:
     if gamma and POOLED not in gamma:
         pooled = {
             letter: (float(np.mean([gait.limb_gamma(name, letter) for name in gait.gamma])),)
-            for letter in "AB"
+            for letter in LETTERS[gait.symmetry]
         }
         gamma[POOLED] = pooled
     return replace(gait, gamma=gamma, motion={})
@@ -261,36 +294,56 @@ def _ground_in_widths(
 
 
 def match_key_poses(
-    key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
-) -> tuple[dict[str, Points], dict[str, Points]]:
-    """Return both key poses as contours (points, 2) by id; row i is the same place in both.
+    poses: Sequence[Drawing], symmetry: Symmetry, points: int
+) -> list[dict[str, Points]]:
+    """Return key poses as contours (points, 2) by id; row i is the same place in all of them.
 
     If the symmetry is "swap", so it is in left and right limbs: the one that comes first in the
-    drawing numbers the points of both limbs in both poses. points: of every contour. FinloopError
-    if a limb is closed and its partner or its other pose open.
+    drawing numbers the points of both limbs in all poses. points: of every contour. FinloopError if
+    a limb is closed and its partner or its other pose open.
     """
-    first, second = dict[str, Points](), dict[str, Points]()
-    for name, curve in key1.curves.items():
-        twin = opposite_limb(name, key1.curves) if symmetry == "swap" else name
-        kinds = {pose.closed for pose in (curve, key1.curves[twin], key2.curves[name])}
+    keys = [dict[str, Points]() for _ in poses]
+    for name, curve in poses[0].curves.items():
+        twin = opposite_limb(name, poses[0].curves) if symmetry == "swap" else name
+        others = [pose.curves[name] for pose in poses[1:]]
+        kinds = {pose.closed for pose in (curve, poses[0].curves[twin], *others)}
         if len(kinds) > 1:
             raise FinloopError(
                 f"one of {name!r} and {twin!r} is closed, the other open",
                 "contours that are closed in every pose, left and right, or open in every pose",
                 "close all of them, or none",
             )
-        reference = first.get(twin, resample_curve(orient_clockwise(curve), points).points)
-        first[name] = renumber_curve(reference, curve) if twin in first else reference
-        second[name] = renumber_curve(reference, key2.curves[name])
-    return first, second
+        reference = keys[0].get(twin, resample_curve(orient_clockwise(curve), points).points)
+        keys[0][name] = renumber_curve(reference, curve) if twin in keys[0] else reference
+        usual_turn = _find_usual_turn(reference, others) if symmetry == "none" else None
+        for key, other in zip(keys[1:], others, strict=True):
+            key[name] = renumber_curve(reference, other, usual_turn)
+    return keys
 
 
-def renumber_curve(reference: Points, curve: Curve) -> Points:
+def _find_usual_turn(reference: Points, others: Sequence[Curve]) -> complex:
+    """Return the mean turn of other poses from the reference (n, 2), as a unit number x + iy.
+
+    Both ends of a leg look alike, and between four poses it turns far. So at first the leg counts
+    as hanging straight down on average: its uppermost point is above its middle.
+    """
+    pose = _centred_complex_points(reference)
+    usual_turn = -1j * pose[pose.imag.argmin()].conjugate()
+    for _ in range(ROUNDS):
+        numbered = [renumber_curve(reference, other, usual_turn) for other in others]
+        turns = [complex(np.vdot(pose, _centred_complex_points(points))) for points in numbered]
+        usual_turn = 1 + sum(turn / max(abs(turn), 1e-300) for turn in turns)
+    return complex(usual_turn / max(abs(usual_turn), 1e-300))
+
+
+def renumber_curve(reference: Points, curve: Curve, usual_turn: complex | None = None) -> Points:
     """Return a curve as n points (n, 2), numbered so that they match `reference` (n, 2) best.
 
     Both are centred first. A turn between them hardly counts, see `_likeness_of_product`. An open
     curve may be reversed. A closed curve runs clockwise, as `reference` must then, and starts at
     any of n · FINE places: with n places alone, errors of half a step would make feet slide.
+    usual_turn: a unit number x + iy, from which the turn of a closed curve differs by no more than
+    90°; None = a turn by any angle.
     """
     centred_reference, n = _centred_complex_points(reference), len(reference)
     if not curve.closed:
@@ -308,6 +361,8 @@ def renumber_curve(reference: Points, curve: Curve) -> Points:
     spectra = np.fft.fft([_centred_complex_points(points) for points in candidates])
     products = np.fft.ifft(np.fft.fft(centred_reference) * spectra.conj())
     likenesses = _likeness_of_product(products)
+    if usual_turn is not None:
+        likenesses = np.where((products * usual_turn).real > 0, likenesses, -np.inf)
     best, shift = np.unravel_index(int(likenesses.argmax()), likenesses.shape)
     return np.roll(candidates[int(best)], int(shift), axis=0)
 

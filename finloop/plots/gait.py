@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Points
 from finloop.base.stretches import spread_rows
 from finloop.gait.coarse import few_point_contours
-from finloop.gait.fit import LEAST_MOTION, GaitContours, KeyFrames, Subcycle, SubcycleKey
+from finloop.gait.fit import LEAST_MOTION, GaitContours, Subcycle, SubcycleKey
 from finloop.gait.model import (
+    KEY_NAMES,
     SHARINGS,
     Descriptor,
     Gait,
-    HalfCycleLayout,
+    Keys,
     contours_at_phases,
     four_key_frames,
     start_share,
@@ -28,8 +29,8 @@ from finloop.gait.settings import Sharing
 
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#B0B0B0"
-MARKS = {"A": ("o", INKS[0]), "B": ("x", INKS[1])}  # of subcycles in Fig. 11, as in the paper
-KEY_NAMES = ("1", "2", "1'", "2'")
+# Of subcycles in Fig. 11: A and B as in the paper, C and D of gaits without symmetry.
+MARKS = {"A": ("o", INKS[0]), "B": ("x", INKS[1]), "C": ("^", INKS[2]), "D": ("s", INKS[3])}
 _CONTROL = (4, 16, 64)  # control points of the rows of Fig. 14
 _COLUMNS = 6  # pictures per row
 _FRAMES = 18  # contours in Fig. 8, at most
@@ -38,7 +39,7 @@ Pose = Mapping[str, Points]
 
 
 def draw_gait_figures(
-    film: GaitContours, gait: Gait, keys: KeyFrames, subcycles: Mapping[SubcycleKey, Subcycle],
+    film: GaitContours, gait: Gait, keys: Keys, subcycles: Mapping[SubcycleKey, Subcycle],
     pictures: tuple[Sequence[NDArray[np.uint8]], Points] | None = None,
 ) -> Iterator[tuple[str, Figure]]:  # fmt: skip
     """Yield Figs. 8 to 14 of the curve paper, each with its name, "fig8" to "fig14".
@@ -84,7 +85,7 @@ def _figure8_contours(film: GaitContours) -> Figure:
     return _draw_sheet(rows, titles, [""] * len(rows), "contours of the film")
 
 
-def _figure9(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
+def _figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     """Draw Fig. 9: (a) limbs on the ground, or the reach of contours; (b) the four key frames."""
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[1, 1.1])
@@ -101,11 +102,9 @@ def _figure9(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     else:
         _draw_reach(ax, gait, keys, film)
     ax.set(xlim=(0, 1), xlabel="phase of the cycle")
-    poses = four_key_frames(
-        keys.first, keys.second, film.symmetry, HalfCycleLayout(offsets=film.offsets)
-    )
+    poses = four_key_frames(keys, film.symmetry, film.layout)
     titles = [f"key {name}" for name in KEY_NAMES]
-    _draw_cells(parts[1].subplots(), [list(poses)], titles)
+    _draw_cells(parts[1].subplots(), [poses], titles)
     return figure
 
 
@@ -126,7 +125,7 @@ def _draw_support(ax: Axes, gait: Gait) -> None:
     ax.set_title("● on the ground, ○ lifted", fontsize=9, pad=18)
 
 
-def _draw_reach(ax: Axes, gait: Gait, keys: KeyFrames, film: GaitContours) -> None:
+def _draw_reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
     """Draw how far sideways each contour reaches over the cycle, at its point that swings most."""
     phases = np.linspace(0, 1, 121)
     frames = _synthesize_contours(gait, keys, film, phases)
@@ -139,19 +138,21 @@ def _draw_reach(ax: Axes, gait: Gait, keys: KeyFrames, film: GaitContours) -> No
     ax.legend(fontsize=8)
 
 
-def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
-    """Draw Fig. 10: the frames of subcycle A, and those of C mapped onto A by symmetry.
+def _figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
+    """Draw Fig. 10: the frames of subcycle A, with those of C mapped onto A by symmetry.
 
-    split: phase of key 2, at which A ends, in cycles. Each contour has a cell of its own.
+    split: phase of key 2, at which A ends, in cycles. Each contour has a cell of its own. Without
+    symmetry the frames of A are drawn alone.
     """
-    # The frames of each contour, and their extents. C is half a cycle after A.
-    in_a_or_c = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
-    in_c = (np.mod(film.phase, 1) >= 0.5)[in_a_or_c, None, None]
-    later = film.contours_half_cycle_later(film.contours)  # turns C into A
+    # The frames of each contour, and their extents.
+    subcycle, tau = film.locate_in_subcycle(split)
+    in_a = (subcycle == 0) & (tau > 0)
+    poses = film.exchange_second_half(film.contours)
     frames, middles, sizes = {}, {}, []
-    for name, contours in film.contours.items():
-        frames[name] = np.where(in_c, later[name][in_a_or_c], contours[in_a_or_c])
-        low, high = np.nanmin(frames[name], axis=(0, 1)), np.nanmax(frames[name], axis=(0, 1))
+    for name in film.contours:
+        frames[name] = poses[name][in_a]
+        drawn = np.concatenate([frames[name], [key[name] for key in keys[:2]]])
+        low, high = np.nanmin(drawn, axis=(0, 1)), np.nanmax(drawn, axis=(0, 1))
         middles[name] = (low + high) / 2
         sizes.append(high - low)
     # A cell for each contour, a little larger than the largest one.
@@ -165,8 +166,8 @@ def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
         shift = np.array([k % columns * width, k // columns * height]) - middles[name]
         for points in frames[name]:
             _draw_contour(ax, points + shift, color=GREY, ls=":", lw=1.0)
-        _draw_contour(ax, keys.first[name] + shift, color=ink, ls="--", lw=1.5)
-        _draw_contour(ax, keys.second[name] + shift, color=ink, ls="-", lw=1.5)
+        _draw_contour(ax, keys[0][name] + shift, color=ink, ls="--", lw=1.5)
+        _draw_contour(ax, keys[1][name] + shift, color=ink, ls="-", lw=1.5)
         x, y = shift + middles[name] - [0, size[1] / 2]
         ax.text(x, y, name.replace("_", " "), ha="center", va="bottom", fontsize=9)
     ax.set(xlim=(-width / 2, (columns - 0.5) * width), ylim=((rows - 0.5) * height, -0.6 * height))
@@ -176,8 +177,8 @@ def _figure10(film: GaitContours, keys: KeyFrames, split: float) -> Figure:
 def _figure11(subcycles: Mapping[SubcycleKey, Subcycle]) -> Figure:
     """Draw Fig. 11: the share f(τ) of the change between two keys that remains, and its fit by γ.
 
-    τ: time from key to key, 0 … 1. Frames of subcycle A are 'o', of B 'x'; f of a frame is found by
-    least squares over the contour.
+    τ: time from key to key, 0 … 1. Frames of subcycle A are 'o', of B 'x', see MARKS; f of a frame
+    is found by least squares over the contour.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     columns = min(4, len(names))
@@ -189,7 +190,7 @@ def _figure11(subcycles: Mapping[SubcycleKey, Subcycle]) -> Figure:
         ax.axis("off")
     for ax, name in zip(axes, names, strict=False):
         ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
-        for letter, (mark, ink) in MARKS.items():
+        for letter, (mark, ink) in _marks(subcycles).items():
             subcycle = subcycles[name, letter]
             # Least squares: each frame, a sample, = end + f · (start − end).
             change = (subcycle.start - subcycle.end).ravel()
@@ -217,8 +218,9 @@ def _figure11_gammas(
 ) -> Figure:
     """Draw Fig. 11 for γ per scale, coefficient or coordinate: γ over the number of a coefficient.
 
-    'o' is subcycle A, 'x' B; the larger a mark, the farther its coefficient moves between the keys.
-    Scales lie between upright lines. Within the grey band, |γ| ≤ 1, f(τ) never turns back.
+    'o' is subcycle A, 'x' B, see MARKS; the larger a mark, the farther its coefficient moves
+    between the keys. Scales lie between upright lines. Within the grey band, |γ| ≤ 1, f(τ) never
+    turns back.
     descriptor, least_motion: see `Subcycle.fit_gammas`.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
@@ -236,7 +238,7 @@ def _figure11_gammas(
         ax.axhspan(-1, 1, color=GREY, alpha=0.25, lw=0)
         for scale in subcycles[name, "A"].scales[1:]:
             ax.axvline(scale.start + 0.5, color=GREY, lw=0.7)
-        for letter, (mark, ink) in MARKS.items():
+        for letter, (mark, ink) in _marks(subcycles).items():
             subcycle = subcycles[name, letter]
             n = len(subcycle.start)
             fitted = subcycle.fit_gammas(sharing, least_motion)
@@ -245,7 +247,7 @@ def _figure11_gammas(
             shares = subcycle.motion_shares(shown)[:, k]
             inks = [to_rgba(ink, alpha) for alpha in np.clip(0.25 + 15 * shares, 0, 1)]
             face: dict[str, Any] = {"color": inks}
-            if mark == "o":
+            if mark != "x":
                 face = {"facecolors": "none", "edgecolors": inks}
             sizes = 5 + 90 * shares
             ax.scatter(np.arange(1, n + 1), gammas, sizes, marker=mark, linewidths=1, **face)
@@ -257,7 +259,7 @@ def _figure11_gammas(
         ax.yaxis.set_major_formatter("{x:.0f}")
     handles = [
         Line2D([], [], color=ink, marker=mark, mfc="none", ls="--", label=letter)
-        for letter, (mark, ink) in MARKS.items()
+        for letter, (mark, ink) in _marks(subcycles).items()
     ]
     axes[0].legend(handles=handles, title="subcycle", fontsize=7, title_fontsize=7)
     figure.suptitle(
@@ -269,7 +271,13 @@ def _figure11_gammas(
     return figure
 
 
-def _figure12(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
+def _marks(subcycles: Mapping[SubcycleKey, Subcycle]) -> dict[str, tuple[str, str]]:
+    """Return mark and ink by letter of those subcycles that contours have."""
+    letters = {letter for _, letter in subcycles}
+    return {letter: mark for letter, mark in MARKS.items() if letter in letters}
+
+
+def _figure12(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     """Draw Fig. 12: the synthesized cycle, with subcycles A to D in rows."""
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     tau = np.arange(_COLUMNS) / _COLUMNS
@@ -279,7 +287,7 @@ def _figure12(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     return _draw_sheet(rows, titles, list("ABCD"), "synthesized cycle")
 
 
-def _figure13(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
+def _figure13(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     """Draw Fig. 13: the synthesized subcycle A in two rows."""
     phases = np.linspace(0, gait.split, 2 * _COLUMNS)
     rows = _arrange_poses(_synthesize_contours(gait, keys, film, phases))
@@ -287,7 +295,7 @@ def _figure13(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     return _draw_sheet(rows, titles, ["", ""], "subcycle A")
 
 
-def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
+def _figure14(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     """Draw Fig. 14: the cycle solved at 4, 16 and 64 control points per contour, a row each.
 
     Beside a row stands the RMS distance of its contours from those of all points, in % of body
@@ -295,10 +303,9 @@ def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
     """
     phases = np.arange(_COLUMNS) / _COLUMNS  # so each number of points has a single row of poses
     full = _synthesize_contours(gait, keys, film, phases)
-    layout = HalfCycleLayout(offsets=film.offsets)
     rows, names = [], []
     for control in _CONTROL:
-        few = few_point_contours(keys.first, keys.second, gait, phases, layout, control)
+        few = few_point_contours(keys, gait, phases, film.layout, control)
         distances = np.stack([np.linalg.norm(few[name] - full[name], axis=-1) for name in full])
         rms_pct = 100 * np.sqrt((distances**2).mean()) / film.body_length
         rows += _arrange_poses(few)
@@ -310,14 +317,13 @@ def _figure14(gait: Gait, keys: KeyFrames, film: GaitContours) -> Figure:
 
 
 def _synthesize_contours(
-    gait: Gait, keys: KeyFrames, film: GaitContours, phases: Points
+    gait: Gait, keys: Keys, film: GaitContours, phases: Points
 ) -> dict[str, Points]:
     """Return the contours of a gait at some phases (k,), by name, each (k, n, 2).
 
     film: tells how much farther right and down each limb hangs than its left-right partner.
     """
-    layout = HalfCycleLayout(offsets=film.offsets)
-    return contours_at_phases(keys.first, keys.second, gait, phases, layout)
+    return contours_at_phases(keys, gait, phases, film.layout)
 
 
 def _arrange_poses(frames: Mapping[str, Points]) -> list[list[Pose]]:
