@@ -145,6 +145,15 @@ def test_hooves_are_on_the_ground_when_they_are_marked_low(gallop, joints):
     assert gait_to_record(gait)["symmetry"] == "none"
 
 
+def test_several_cycles_need_no_given_one(outlines, gallop):
+    frames = outlines.frames * 3
+    film, period, _ = walker_gait_contours(frames, 30, 16, symmetry="none")
+    assert period.frequency_hz == pytest.approx(2, rel=0.02) and period.confidence > 0.9
+    found, wanted = (fit_gait(one, "gallop", 2.0)[0].support for one in (film, gallop[0]))
+    for leg in LEGS:
+        assert np.ravel(found[leg]) == pytest.approx(np.ravel(wanted[leg]), abs=0.02)
+
+
 def test_a_film_shorter_than_its_cycle_is_refused(outlines):
     with pytest.raises(FinloopError, match="15 frames, and a gait cycle of 16"):
         walker_gait_contours(outlines.frames, 30, 64, symmetry="none", cycle_frames=16)
