@@ -68,7 +68,7 @@ def main() -> None:
         nearest = list_gateways(
             distances, sprites, features, step, replace(settings, distance_threshold=np.inf)
         )
-    _report_missing(found, nearest, step, settings.least)
+    _report_missing(found, nearest, step, settings.min_deltas_ahead)
     with whole_folder(Path("data/gateways")) as folder:
         save_table(folder / "gateways.parquet", found, GATEWAYS)
         save_table(folder / "nearest.parquet", nearest, GATEWAYS)

@@ -273,7 +273,9 @@ def test_nothing_is_farther_than_the_threshold_and_nothing_nearer_is_lost(world,
 
 @pytest.mark.parametrize("apart", [0.0, 1.0, 2.5])
 def test_frames_a_sprite_leads_to_are_apart(world, apart):
-    ways = world.ways(find.IN, distance_threshold=1e6, apart=apart, frames_per_sprite=100)
+    ways = world.ways(
+        find.IN, distance_threshold=1e6, min_deltas_between_frames=apart, frames_per_sprite=100
+    )
     assert not ways.duplicated(["sprite", "row"]).any()
     least = max(1, apart * DELTA)
     for sprite, of in ways.groupby("sprite"):
@@ -282,7 +284,7 @@ def test_frames_a_sprite_leads_to_are_apart(world, apart):
         same = np.diff(world.features["track_id"].to_numpy()[rows]) == 0
         assert np.diff(rows)[same].min() >= least
         # The nearest stay, and what is left out is near a nearer one.
-        lasts = FRAMES - 1 - world.features["frame"].to_numpy() >= SETTINGS.least * DELTA
+        lasts = FRAMES - 1 - world.features["frame"].to_numpy() >= SETTINGS.min_deltas_ahead * DELTA
         for row in np.flatnonzero(lasts & ~np.isin(np.arange(len(lasts)), rows)):
             near = (np.abs(kept - row) < least) & (kept // FRAMES == row // FRAMES)
             nearest = distance[near].min(initial=np.inf)
@@ -292,7 +294,11 @@ def test_frames_a_sprite_leads_to_are_apart(world, apart):
 @pytest.mark.parametrize("least", [0.0, 2.5, 10.0])
 def test_frames_led_to_have_film_ahead(world, least):
     ways = world.ways(
-        find.IN, distance_threshold=1e6, least=least, apart=0.0, frames_per_sprite=100
+        find.IN,
+        distance_threshold=1e6,
+        min_deltas_ahead=least,
+        min_deltas_between_frames=0.0,
+        frames_per_sprite=100,
     )
     left = FRAMES - 1 - world.features["frame"].to_numpy()[ways["row"]]
     assert left.min() >= least * DELTA
@@ -328,7 +334,7 @@ def test_a_mirrored_sprite_leads_to_the_mirror_of_what_came_after_it(tmp_path, f
     features, cutouts = film
     sprites = whole(sprite_rows(features, PICKED, off=6.0, mirrored=True))
     world = World(tmp_path, features, cutouts, sprites, pose)
-    ways = world.ways(find.IN, distance_threshold=1e6, apart=0.0)
+    ways = world.ways(find.IN, distance_threshold=1e6, min_deltas_between_frames=0.0)
     for sprite, row in enumerate(PICKED):
         mirror = row + 1 + FRAMES  # the same frame of track 1
         of = ways[ways["sprite"] == sprite]
@@ -360,7 +366,7 @@ def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
 
 
 def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
-    none = world.table(distance_threshold=0.0, least=500.0)
+    none = world.table(distance_threshold=0.0, min_deltas_ahead=500.0)
     assert len(none) == 0
     save_table(tmp_path / "none.parquet", none, find.GATEWAYS)
     assert len(load_table(tmp_path / "none.parquet", find.GATEWAYS)) == 0
@@ -493,18 +499,18 @@ def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, ca
 def test_stage_says_which_threshold_would_give_some(work, world, capsys, monkeypatch):
     # No sprite's own next frame has so much ahead: but for the odd track's, all are far.
     prepare(work, *TINY_CARP, "gateways.distance_threshold=0.01")
-    monkeypatch.setattr(find.GatewaysSettings, "least", 14)
+    monkeypatch.setattr(find.GatewaysSettings, "min_deltas_ahead", 14)
     stages.gateways.main()
     assert not len(load_table(work / "data/gateways/gateways.parquet", find.GATEWAYS))
     said = capsys.readouterr().err
     for word, direction in (("into", find.IN), ("out of", find.OUT)):
-        every = world.ways(direction, distance_threshold=1e6, least=14)
+        every = world.ways(direction, distance_threshold=1e6, min_deltas_ahead=14)
         free = every["distance"].min() / world.step
         line = next(line for line in said.splitlines() if f"no gateway {word} the film" in line)
         told = float(line.split("gateways.distance_threshold=")[1].split()[0])
         assert free <= told <= free + 0.1
-        assert len(world.ways(direction, distance_threshold=told, least=14))
+        assert len(world.ways(direction, distance_threshold=told, min_deltas_ahead=14))
     assert load_numbers(work / "reports/gateways")["ways_in"] == 0
-    monkeypatch.setattr(find.GatewaysSettings, "least", 100)
+    monkeypatch.setattr(find.GatewaysSettings, "min_deltas_ahead", 100)
     stages.gateways.main()
     assert "no gateway into the film; no track lasts 100 Δ" in capsys.readouterr().err

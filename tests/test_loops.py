@@ -181,7 +181,7 @@ def test_loops_of_a_periodic_film_are_whole_periods():
     angle = 2 * np.pi * np.arange(rows) / period
     film = np.stack([np.cos(angle), np.sin(angle), 0.5 * np.sin(2 * angle)], 1)
     loops, counts = find_video_loops(
-        film_map(film), still(rows), RATE, 0.4, settings(most_per_end=99)
+        film_map(film), still(rows), RATE, 0.4, settings(max_loops_per_end=99)
     )
     assert set((loops["b"] - loops["a"]) % period) == {0}
     np.testing.assert_allclose(loops["length_s"], (loops["b"] - loops["a"]) / RATE)
@@ -197,7 +197,7 @@ def test_dynamics_keep_the_direction_of_motion():
     step = np.median(np.abs(np.diff(film[:, 0])))
 
     def opposed_share(n):
-        p = settings(compared_neighbour_frames=n, distance_threshold=0.4, most_per_end=99)
+        p = settings(compared_neighbour_frames=n, distance_threshold=0.4, max_loops_per_end=99)
         loops, _ = find_video_loops(film_map(film), still(120), RATE, step, p)
         fast = (np.abs(speed[loops["a"]]) > step / 2) & (np.abs(speed[loops["b"]]) > step / 2)
         return (np.sign(speed[loops["a"]]) != np.sign(speed[loops["b"]]))[fast].mean()

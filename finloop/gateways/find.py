@@ -79,10 +79,9 @@ def measure_sprite_distances(
 ) -> SpriteDistances:  # fmt: skip
     """Measure the picture distances (Eq. 5) between all sprites and some rows of the film.
 
-    reel: the film's cut-outs and the sprites; rows (n,): ascending; size_px: side of the pictures;
-    pose: BODY, the measured heading points right, or FILM, each row as filmed and the sprites in
-    its orientation as they are drawn. advance(k): called when k more rows are done. At most
-    `_BLOCK` pictures of the film are held at once.
+    rows (n,): ascending; pose: BODY, the measured heading points right, or FILM, each row as filmed
+    and the sprites in its orientation as they are drawn. advance(k): called when k more rows are
+    done.
     """
     features, sprites = reel.features, reel.sprites
     # In which directions the fish are drawn.
@@ -117,8 +116,8 @@ def draw_sprites_and_next(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return pictures of the film frame that follows each sprite, and of the sprites themselves.
 
-    Both are (s, size_px, size_px, c), 0 … 1. reel: the film's cut-outs and the sprites. In the pose
-    FILM they are drawn in `orientation`, in BODY the heading measured in the film points right.
+    Both are (s, size_px, size_px, c), 0 … 1. In the pose FILM they are drawn in `orientation`, in
+    BODY the heading measured in the film points right.
     """
     if pose != BODY:
         next_pictures = reel.draw_frames_after_sprites(size_px, orientation)
@@ -164,9 +163,10 @@ def list_gateways(
     First come those from sprite to film, then those back. step_median: the film's median step.
 
     A sprite leads to its `frames_per_sprite` nearest rows in each orientation. Those of one track
-    are at least `apart` Δ from each other, and all have `least` Δ of their track ahead. A row leads
-    to the `sprites_per_frame` sprites of each sequence that are nearest to the row after it. The
-    last row of a track leads to no sprite, and no row leads into the middle of a turn.
+    are at least `min_deltas_between_frames` from each other, and all have `min_deltas_ahead` of
+    their track ahead. A row leads to the `sprites_per_frame` sprites of each sequence that are
+    nearest to the row after it. The last row of a track leads to no sprite, and no row leads into
+    the middle of a turn.
     """
     most_distance = settings.distance_threshold * step_median
     into_film = _find_rows_after_sprites(distances, features, most_distance, settings).assign(
@@ -194,12 +194,13 @@ def _find_rows_after_sprites(
 
     Its columns are sprite, row, rank, distance. The rows are those nearest to the sprite's next
     frame in the film, of each orientation, ranked anew from 1 in each. How far they are apart, and
-    how much of the film is ahead of them, see `list_gateways`. most_distance: of a gateway, in the
-    unit of the distances.
+    how much of the film is ahead of them, see `list_gateways`.
     """
     track, frame = (features[name].to_numpy()[distances.rows] for name in ("track_id", "frame"))
     delta = infer_delta_frames(features)
-    has_enough_ahead = _count_frames_ahead(features)[distances.rows] >= settings.least * delta
+    least_frames = settings.min_deltas_between_frames * delta
+    frames_ahead = _count_frames_ahead(features)[distances.rows]
+    has_enough_ahead = frames_ahead >= settings.min_deltas_ahead * delta
     found: list[tuple[int, int, int, float]] = []
     for number in np.unique(distances.orientation):
         rows = np.flatnonzero(has_enough_ahead & (distances.orientation == number))
@@ -211,7 +212,7 @@ def _find_rows_after_sprites(
                 nearest, candidates = candidates[0], candidates[1:]
                 rank += 1
                 found.append((sprite, distances.rows[nearest], rank, distance[nearest]))
-                is_apart = np.abs(frame[candidates] - frame[nearest]) >= settings.apart * delta
+                is_apart = np.abs(frame[candidates] - frame[nearest]) >= least_frames
                 is_of_other_track = track[candidates] != track[nearest]
                 candidates = candidates[is_apart | is_of_other_track]
     types = {"sprite": int, "row": int, "rank": int, "distance": float}
@@ -226,8 +227,7 @@ def _find_sprites_after_rows(
     """Return the sprites that may be drawn next after each row, in a table.
 
     Its columns are sprite, row, rank, distance. The sprites are those nearest to the film's next
-    row, of each sequence, ranked from 1 over all sequences. most_distance: of a gateway, in the
-    unit of the distances; most_sprites: of a sequence for a row.
+    row, of each sequence, ranked from 1 over all sequences. most_sprites: of a sequence for a row.
     """
     # Rows whose next row, of the same track, is measured; and the column of that next row.
     has_row_before = np.append(False, _count_frames_ahead(features) > 0)[distances.rows]
@@ -252,9 +252,7 @@ def gateway_metrics(
 ) -> dict[str, float]:  # fmt: skip
     """Return metrics of the gateways (pairs of a sprite and a film row), as in metrics.json.
 
-    table: the gateways; nearest: those that there would be without a threshold of the distance;
-    rate_hz: frames a second of the film; step_median: the film's median step, in the unit of the
-    distances.
+    nearest: the gateways that there would be without a threshold of the distance.
     """
     # How many gateways there are in each direction, and their distances in median steps.
     result: dict[str, float] = {}

@@ -18,11 +18,13 @@ class GatewaysSettings:
 
     # Δ, at least between two frames of one track that a sprite leads to: else the best are one
     # moment
-    apart: ClassVar[float] = 1.0
+    min_deltas_between_frames: ClassVar[float] = 1.0
     # Δ of film, at least, that follow such a frame in its track: as long as the shortest loop
-    least: ClassVar[float] = 2.5
+    min_deltas_ahead: ClassVar[float] = 2.5
     RENAMED: ClassVar = {
         "top_in": "frames_per_sprite",
         "top_out": "sprites_per_frame",
         "threshold": "distance_threshold",
+        "apart": "min_deltas_between_frames",
+        "least": "min_deltas_ahead",
     }

@@ -70,7 +70,6 @@ def build_loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> Loop
     """Build the graph of all video loops of a film: frames to jump from, and jumps between them.
 
     loops: columns a, b (feature rows) and distance (Eq. 5); track_id (n,): of every feature row.
-    `LoopGraph` says what its arrays hold.
     """
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     # Every loop is two jumps, first all from a to b, then all from b to a.
@@ -105,8 +104,7 @@ def _segment_successors(
 ) -> csr_array:
     """Return a sparse matrix (m, m), > 0 where a segment (column) can follow another one (row).
 
-    A segment runs from a loop end to the next. ahead (m,): the next end in the track, −1 for none;
-    from end k the film can jump to the ends `to[start[k]:start[k + 1]]`.
+    ahead, start, to: as in `LoopGraph`.
     """
     m = len(ahead)
     # A segment is played to the next end; from there the film plays on, or jumps once.
@@ -121,8 +119,8 @@ def renumber_groups(
 ) -> NDArray[np.int32]:
     """Return new group numbers (n,) of members, such that group 0 weighs most.
 
-    group (n,): the old group of each member, 0 … k − 1, each with a member; weight (n,): of each
-    member, None: 1. Groups of equal weight are ordered by their first member.
+    group (n,): the old numbers, 0 … k − 1; weight (n,): of each member, None: 1. Groups of equal
+    weight are ordered by their first member.
     """
     total, first = np.bincount(group, weight), np.unique(group, return_index=True)[1]
     rank = np.empty(len(total), np.int32)
@@ -166,8 +164,7 @@ def _has_endless_future(
 ) -> Mask:  # fmt: skip
     """Return after which feature rows (n,) the film can play for ever, by playing on or jumping.
 
-    track_id (n,): of every row; ends (m,): rows at which the film can jump, from end k to the ends
-    `to[start[k]:start[k + 1]]`.
+    track_id (n,): of every row; ends, start, to: as in `LoopGraph`.
     """
     has_next = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)

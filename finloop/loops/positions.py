@@ -38,8 +38,7 @@ def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
 def choose_table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
     """Return at most 26 loop ends (feature rows) for a printed table, spread evenly in time.
 
-    All are of the track that has most of them. ends: rows at which the film can jump; track_id
-    (n,): of every row.
+    All are of the track that has most of them. track_id (n,): of every row.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
     track_ends = ends[track_id[ends] == tracks[count.argmax()]]

@@ -63,8 +63,8 @@ class SparseDistanceMap(NamedTuple):
 def to_sparse_map(table: pd.DataFrame, rows: int) -> SparseDistanceMap:
     """Return a table of pairs of rows as a sparse distance map.
 
-    table: columns i, j (feature rows), distance, already sorted by i, then by j; rows: the number
-    of feature rows, and of rows of the map.
+    table: columns i, j (feature rows), distance, sorted by i, then by j; rows: how many
+    feature rows there are.
     """
     start = np.searchsorted(table["i"].to_numpy(), np.arange(rows + 1))
     return SparseDistanceMap(
@@ -87,7 +87,9 @@ def find_video_loops(
     loops = candidates[~candidates["improper"]]
     if loops.empty:
         raise _explain_no_loops(pairs, features, step_median, settings)
-    kept = choose_best_loops(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)
+    kept = choose_best_loops(
+        loops["a"].to_numpy(), loops["b"].to_numpy(), settings.max_loops_per_end
+    )
     loops = loops[kept].reset_index(drop=True)
     track = features["track_id"].to_numpy()
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
@@ -119,7 +121,8 @@ def find_loop_candidates(
     weight = binomial_weights(settings.compared_neighbour_frames)
     filtered = filter_diagonals(pairs, track, weight, most_distance)
     delta = infer_delta_frames(features)
-    radius, least = max(1, round(settings.apart * delta)), least_loop_frames(delta, settings)
+    radius = max(1, round(settings.min_deltas_between_ends * delta))
+    least = least_loop_frames(delta, settings)
     minima = np.flatnonzero(find_local_minima(pairs, filtered, track, radius, least))
     a = (np.searchsorted(pairs.start, minima, side="right") - 1).astype(np.int32)
     b = pairs.j[minima]
@@ -222,8 +225,7 @@ def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # t
 def choose_best_loops(a, b, most_per_end):  # type: ignore[no-untyped-def]
     """Return which loops (n,) to keep so that no frame is an end of too many loops.
 
-    a, b (n,): the loops' ends (feature rows), the best loop first; most_per_end: loops of one
-    frame.
+    a, b (n,): the loops' ends (feature rows), the best loop first.
     """
     keep, count = np.zeros(len(a), np.bool_), np.zeros(b.max() + 1, np.int32)
     for loop in range(len(a)):
@@ -262,8 +264,7 @@ def _explain_no_loops(
 ) -> NoLoopsError:
     """Return the error for a film without loops, which says what to change.
 
-    pairs: picture distances of comparable rows; step_median: the median natural step, in their
-    unit.
+    step_median: the median natural step, in the unit of the pairs.
     """
     goal = "at least one pair of similar frames between which the film can jump"
     track = features["track_id"].to_numpy()

@@ -20,8 +20,9 @@ class LoopsSettings:
     min_deltas_between_jumps: NotNegative
     join: Literal["fade", "inertial", "cut"]
 
-    apart: ClassVar[float] = 0.5  # Δ; of loops whose ends are nearer, the best stays: one moment
-    most_per_end: ClassVar[int] = 6  # loops of one frame, the best: bounds the table
+    # Δ; of loops whose ends are nearer, the best stays: one moment
+    min_deltas_between_ends: ClassVar[float] = 0.5
+    max_loops_per_end: ClassVar[int] = 6  # loops of one frame, the best: bounds the table
     RENAMED: ClassVar = {
         "threshold": "distance_threshold",
         "least": "min_length_deltas",
@@ -29,4 +30,6 @@ class LoopsSettings:
         "improper_deg": "improper_angle_deg",
         "policy": "loop_end_choice",
         "stay": "min_deltas_between_jumps",
+        "apart": "min_deltas_between_ends",
+        "most_per_end": "max_loops_per_end",
     }
