@@ -194,7 +194,7 @@ def test_rows_that_look_different_are_no_neighbours(film, monkeypatch):
     look = 2.0 * np.tile(open_fins, 2)[:, None]
     shown = np.roll(look, -1)  # next
     for most, share in ((3.0, 0.5), (1.0, 0.0)):
-        monkeypatch.setattr(type(HOW), "look", most)
+        monkeypatch.setattr(type(HOW), "max_look_difference", most)
         start, to = build_similarity_graph(film, look, unseen, HOW)
         one = np.repeat(np.arange(len(look)), np.diff(start))
         mixed = (shown[one] != shown[to]).mean()

@@ -59,8 +59,8 @@ def predict_ensembles(
     """Return the states predicted after held-out rows, each as an ensemble from training rows.
 
     A member is the network's prediction plus the error that the network made at a similar training
-    row; rows with fewer than 5 members are left out. A rank is the share of the members below the
-    true state. rng: draws where between two neighbouring members the true state lies.
+    row; rows with fewer than 5 members are left out. rng: draws where between two neighbouring
+    members the true state lies.
     """
     is_training = np.zeros(len(film.states), bool)
     is_training[parts.train] = True
@@ -150,7 +150,7 @@ def _controlled_motion(
 ) -> tuple[float, float]:
     """Return the displacement [body lengths] and turn [rad] of a controlled fish over the time Δ.
 
-    row: at which the fish starts; control (2,): displacement and turn that it is to have.
+    row: at which the fish starts.
     """
     past = start_at_row(sampler, row).past
     state, steps = RolloutState(past, draw_next_row(sampler, row, control, rng)), []
@@ -170,11 +170,10 @@ def measure_control_slopes(
 ) -> dict[str, float]:
     """Return how well a simulated fish obeys its control: slopes of its motion against the control.
 
-    A control is the displacement [body lengths] and the turn [rad] wanted over the time Δ. In each
-    trial a fish starts at a random film row, and takes the control of a random row that is similar
-    to it. Keys displacement_slope, angle_slope: 1 if the fish moves as controlled, 0 if it ignores
-    the control. A key is missing if its control is the same in all trials, or no row is similar to
-    another.
+    In each trial a fish starts at a random film row, and takes the control of a random row that is
+    similar to it. Keys displacement_slope, angle_slope: 1 if the fish moves as controlled, 0 if it
+    ignores the control. A key is missing if its control is the same in all trials, or no row is
+    similar to another.
     """
     controls, motions = [], []
     for row in rng.choice(film.rows, _TRIALS).tolist():
@@ -222,9 +221,8 @@ def compare_free_swim(
 ) -> dict[str, float]:
     """Return, by name, how a fish that swims by predictions alone compares with the film.
 
-    states (t, d), rows (t,): from `swim_freely`. Keys …_spread_of_film: standard deviation over the
-    film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: longest repeats of
-    states or rows, seconds.
+    Keys …_spread_of_film: standard deviation over the film's; free_clamped_pct: ticks at the edge
+    of the film's range; …_repeat_s: longest repeats of states or rows, seconds.
     """
     filmed = film.states[film.rows]
     clamped = (states <= sampler.low) | (states >= sampler.high)

@@ -84,7 +84,7 @@ def compute_film_states(
     """
     delta, n = infer_delta_frames(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
-    lags = np.unique(np.round(np.array(p.lags) * delta)).astype(np.int64)
+    lags = np.unique(np.round(np.array(p.lag_deltas) * delta)).astype(np.int64)
     variance = (np.asarray(codes, float) ** 2).mean(0).cumsum()  # of the first 1, 2 … codes
     code_count = 1 + int(np.searchsorted(variance, p.pose_variance_ratio * variance[-1]))
     states = np.concatenate(
@@ -139,7 +139,7 @@ def _refuse_poor_film(control: Floats, swimming_type: Ints) -> None:
 def posture_mirror_matrix(poses: FilmPoses, look: Reals) -> Reals | None:
     """Return the matrix (c, c) that mirrors posture codes; None if the fish may not be mirrored.
 
-    look: the table LOOK; it has more rows than `poses` if mirror images may be shown.
+    look: it has more rows than `poses` if mirror images may be shown.
     """
     return poses.shapes.mirror_matrix if len(look) > len(poses.codes) else None
 
@@ -147,7 +147,7 @@ def posture_mirror_matrix(poses: FilmPoses, look: Reals) -> Reals | None:
 def _measure_speeds(features: pd.DataFrame, rate_hz: float) -> Floats:
     """Return the forward, sideways [body lengths/s] and turning [rad/s] speeds (n, 3) of rows.
 
-    They are NaN at a track's first row and after a missing frame. rate_hz: frames per second.
+    They are NaN at a track's first row and after a missing frame.
     """
     place = places_through_water(features)
     heading = np.radians(features["heading_deg"].to_numpy(float))

@@ -124,8 +124,7 @@ def _learn_epoch(
 ) -> None:  # fmt: skip
     """Show the network the sample once, in random batches of equal size, with noise on the past.
 
-    What does not fill a last batch is left out. adam: changes the network's weights; number_weights
-    (d,): of each state number's error.
+    What does not fill a last batch is left out. number_weights (d,): of each state number's error.
     """
     count = len(sample.past)
     batch_size = min(p.batch_size, count)
@@ -159,11 +158,7 @@ def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
 def _mean_square_errors(
     network: _Network, number_weights: Tensor, train: _Sample, held_out: _Sample
 ) -> dict[str, float]:
-    """Return the mean square errors `train_error` and `held_out_error` of the network.
-
-    number_weights (d,): of each state number's error, such that predicting no change has the error
-    1.
-    """
+    """Return the mean square errors `train_error` and `held_out_error` of the network."""
     errors = {}
     with torch.inference_mode():
         for name, sample in (("train", train), ("held_out", held_out)):

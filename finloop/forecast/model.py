@@ -82,8 +82,7 @@ class Forecast:
     def predict_means(self, past: Reals, control: Reals) -> Floats:
         """Return the means (k, d) of the next states, in the units of `FilmStates`.
 
-        past: (k, l, d), the present state first; control: (k, 2), displacement [body lengths] and
-        included angle [rad] over the next time Δ.
+        past (k, l, d): the present state first; control (k, 2): as in `FilmStates`.
         """
         net = self.kernel_weights()
         x = np.concatenate([past.reshape(len(past), -1), control], 1)
@@ -139,9 +138,8 @@ def _silu(x: Reals) -> Reals:
 def predict_next_mean(net: KernelWeights, past: Weights, out: Floats, hidden: Weights) -> None:
     """Write the predicted next state of a fish into `out` (d,).
 
-    net: weights of the network and of its mirror image; past (l d + 2,): the states at all lags,
-    the present first, then the control, in the units of `FilmStates`; hidden (2, h): memory for the
-    two hidden layers, overwritten.
+    past (l d + 2,): the states at all lags, the present first, then the control, in the units of
+    `FilmStates`; hidden (2, h): memory for the two hidden layers, overwritten.
     """
     size, hidden_units, first, second = out.size, hidden.shape[1], hidden[0], hidden[1]
     # To the present state the change is added, half of it by the network, half by its mirror image.
@@ -159,10 +157,7 @@ def predict_next_mean(net: KernelWeights, past: Weights, out: Floats, hidden: We
 
 @finite_leaf
 def _compute_layer(x, weights, bias, out):  # type: ignore[no-untyped-def]
-    """Write the output of one layer, SiLU(x · weights + bias), into `out` (units,).
-
-    x (inputs,), weights (inputs, units), bias (units,).
-    """
+    """Write the output of one layer, SiLU(x · weights + bias), into `out` (units,)."""
     for j in range(out.size):
         out[j] = bias[j]
     for i in range(x.size):

@@ -44,8 +44,8 @@ def build_similarity_graph(
     The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most
     `p.similar_frames`, not too near in time to itself and each other; then the relation is made
     symmetric, and mirror images get the mirror images. The rows after two similar ones differ by at
-    most `p.look` in light and skin (look (m, k), of total variance 1), and by at most
-    `p.max_discontinuity` in visible distance. FinloopError if no two rows are similar.
+    most `p.max_look_difference` in light and skin (look (m, k), of total variance 1), and by at
+    most `p.max_discontinuity` in visible distance. FinloopError if no two rows are similar.
     """
     batches = _find_similar_pairs(film, look, p)
     alike = [_choose_alike_pairs(pairs, film.count, visible, p) for pairs in batches]
@@ -53,8 +53,8 @@ def build_similarity_graph(
     if not len(pairs):
         raise FinloopError(
             "no two rows of the film are similar and look alike",
-            f"some whose light and skin are at most {p.look} deviations apart, and that are at "
-            f"most forecast.max_discontinuity={p.max_discontinuity} natural steps apart",
+            f"some whose light and skin are at most {p.max_look_difference} deviations apart, at "
+            f"most forecast.max_discontinuity={p.max_discontinuity} natural steps from each other",
             "take a longer film, in which postures repeat, or raise forecast.max_discontinuity, "
             "or leave the forecast out (matching.uses=[film])",
         )
@@ -66,8 +66,8 @@ def _make_symmetric(
 ) -> tuple[Ints, NDArray[np.int32]]:
     """Return the graph of similar pairs (k, 2), of the reversed pairs, and of their mirror images.
 
-    film_rows: number of the film's own rows; all_rows: with mirror images. The graph is start
-    (all_rows + 1,) and to (e,): the rows similar to row i are to[start[i]:start[i + 1]].
+    film_rows: without mirror images; all_rows: with them. The graph is start (all_rows + 1,) and to
+    (e,): the rows similar to row i are to[start[i]:start[i + 1]].
     """
     mirror_pairs = (similar_pairs + film_rows) % all_rows if all_rows > film_rows else similar_pairs
     edges_by_direction = []  # an edge from row i to row j is the number i · all_rows + j
@@ -104,8 +104,8 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     """Yield batches of pairs (k, 2) of similar rows: a row of the film, and a row similar to it.
 
     Two rows are similar if their pasts are near (`_embed_pasts`), and if the rows after them differ
-    by at most `p.look` in light and skin. look (m, c): light and skin of each row, as c numbers.
-    Mirror images are among the m rows; only the second row of a pair can be one.
+    by at most `p.max_look_difference` in light and skin. look (m, c): light and skin of each row,
+    as c numbers. Mirror images are among the m rows; only the second row of a pair can be one.
 
     First rows ascend. Each has up to twice `p.similar_frames` similar rows, the most similar first.
     They lie in different passages of the film, and none lies in the passage of the first row. A
@@ -116,7 +116,7 @@ def _find_similar_pairs(film: FilmStates, look: Reals, p: ForecastSettings) -> I
     """
     rows = film.rows
     own_count = int((rows < film.count).sum())  # the first of `rows`; the rest are mirror images
-    pasts, looks = _embed_pasts(film, rows, p.fade), np.asarray(look)[rows + 1]
+    pasts, looks = _embed_pasts(film, rows, p.past_half_life_deltas), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
     parts = 1 + int(part.max())
@@ -151,8 +151,9 @@ def _choose_from_part(
     count = _SPARE * p.similar_frames
     candidates = np.where(near < 0, -1, members[near])
     return _choose_passages(
-        rows, batch, looks, p.look, queries, candidates, _NEAR * count, apart_rows, count
-    )
+        rows, batch, looks, p.max_look_difference, queries, candidates, _NEAR * count, apart_rows,
+        count,
+    )  # fmt: skip
 
 
 def _choose_alike_pairs(
@@ -161,7 +162,7 @@ def _choose_alike_pairs(
     """Return the pairs that look alike, at most `p.similar_frames` for each row.
 
     pairs (k, 2): a row and a similar one, by ascending row, each row's most similar first;
-    film_rows: number of the film's rows, without mirror images.
+    film_rows: without mirror images.
     """
     row = np.unique(pairs[:, 0], return_inverse=True)[1]  # numbered without gaps
     rank = np.arange(len(pairs)) - np.searchsorted(row, row)  # of a pair among those of its row

@@ -37,9 +37,9 @@ class Sampler(NamedTuple):
     predicted from them; control (m, 2): next motion; usable (m,): whether a fish can follow the
     row; low, high (d,): range of the film's states; lags (l,): ticks; settle (d,): share of a
     difference that remains after a tick; start, to: the rows similar to row i are
-    to[start[i]:start[i + 1]]; follow: mean ticks for which a row is followed; obey (2,): difference
-    of a row's control from the given one at which the row is exp(−1/2) times as likely; rests (m,):
-    whether a fish at the row rests, and so moves as in the film, not as predicted.
+    to[start[i]:start[i + 1]]; follow_ticks: mean time for which a row is followed; tolerance (2,):
+    difference of a row's control from the given one at which the row is exp(−1/2) times as likely;
+    rests (m,): whether a fish at the row rests, and so moves as in the film, not as predicted.
     """
 
     net: KernelWeights
@@ -53,8 +53,8 @@ class Sampler(NamedTuple):
     settle: Floats
     start: Ints
     to: Similar
-    follow: float
-    obey: Floats
+    follow_ticks: float
+    tolerance: Floats
     rests: Mask
 
 
@@ -86,14 +86,16 @@ def build_sampler(
     source = np.searchsorted(start, edges, "right") - 1
     differences = film.control[source] - film.control[to[edges]]
     code_count = len(film.scale) - MOTION
-    half_life = np.repeat([p.settle_pose, p.settle_motion], [code_count, MOTION])
+    half_lives = p.pose_half_life_deltas, p.motion_half_life_deltas
+    half_life = np.repeat(half_lives, [code_count, MOTION])
     return Sampler(
         net=model.kernel_weights(), states=np.nan_to_num(film.states), mean=mean,
         control=np.nan_to_num(film.control), usable=film.usable, low=film.states[rows].min(0),
         high=film.states[rows].max(0), lags=film.lags,
         settle=0.5 ** (1 / (half_life * film.delta)), start=start, to=to,
-        follow=max(1.0, p.follow * film.delta, film.memory),
-        obey=p.obey * np.sqrt((differences**2).mean(0)),  # a share of the usual difference
+        follow_ticks=max(1.0, p.follow_deltas * film.delta, film.memory),
+        # A share of the usual difference.
+        tolerance=p.control_tolerance * np.sqrt((differences**2).mean(0)),
         rests=np.zeros(len(film.states), bool),  # `plan.graph.remove_dead_ends` sets them
     )  # fmt: skip
 
@@ -108,11 +110,10 @@ def step_fish(
 ) -> RolloutState:
     """Return the fish one tick later, under a control (2,), or freely if that is None.
 
-    control: displacement [body lengths] and turn [rad] over the time Δ. At the end of a film run,
-    or at random, the fish jumps to a similar row. Only `rng` is changed.
+    At the end of a film run, or at random, the fish jumps to a similar row. Only `rng` is changed.
     """
     row = state.row
-    if not sampler.usable[row] or rng.random() < 1 / sampler.follow:
+    if not sampler.usable[row] or rng.random() < 1 / sampler.follow_ticks:
         row = draw_next_row(sampler, row, control, rng)
     row_control = sampler.control[row] if control is None else np.asarray(control, float)
     next_state = follow_row(sampler, state.past, row, 1, row_control)
@@ -124,12 +125,12 @@ def draw_next_row(
 ) -> int:
     """Return a film row that a simulated fish follows next, drawn at random among similar rows.
 
-    control (2,): with q a row's squared difference from it, in units of `sampler.obey`, the row is
-    exp(−½ (q − least q)) times as likely; None: the control does not matter.
+    control (2,): with q a row's squared difference from it, in units of `sampler.tolerance`, the
+    row is exp(−½ (q − least q)) times as likely; None: the control does not matter.
     """
     rows, weights = next_row_weights(sampler, row)
     if control is not None:
-        misfit = (((sampler.control[rows] - control) / sampler.obey) ** 2).sum(1)
+        misfit = (((sampler.control[rows] - control) / sampler.tolerance) ** 2).sum(1)
         weights = weights * np.exp(-0.5 * (misfit - misfit.min(initial=np.inf)))
     return int(rows[np.searchsorted(np.cumsum(weights), rng.random() * weights.sum())])
 
@@ -169,7 +170,7 @@ def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple
     states, rows, done = [], [], 0
     while done < ticks:
         row = draw_next_row(sampler, row, None, rng)
-        run_ticks = int(rng.geometric(1 / sampler.follow))
+        run_ticks = int(rng.geometric(1 / sampler.follow_ticks))
         later = follow_row(sampler, past, row, run_ticks, sampler.control[row])  # last tick first
         past = np.concatenate([later, past])[: len(past)]
         states.append(later[::-1])
@@ -183,7 +184,7 @@ def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple
 def _fill_with_past(inputs: Weights, states: Floats, present_index: int, lags: Ints) -> None:
     """Write the states at the given lags before the present into the first l · d network inputs.
 
-    inputs (l d + 2,): changed; states (…, d): the latest first; lags (l,): ticks.
+    inputs: changed; states (…, d): the latest first.
     """
     size = states.shape[1]
     for i in range(lags.size):

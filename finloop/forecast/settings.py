@@ -24,23 +24,24 @@ class ForecastSettings:
     similar_frames: Count
     max_discontinuity: Positive
 
-    lags: ClassVar[tuple[float, ...]] = (0.0, 0.17, 0.33, 0.67, 1.0)
+    lag_deltas: ClassVar[tuple[float, ...]] = (0.0, 0.17, 0.33, 0.67, 1.0)
     """Ages of the states that make the past, in Δ; denser near now, which says most."""
     weight_decay: ClassVar[float] = 0.001  # of AdamW; a tenth of its usual value
     batch_size: ClassVar[int] = 256  # rows a step; a usual value
     patience: ClassVar[int] = 10  # epochs without a smaller held-out error that end the learning
     most_rows: ClassVar[int] = 100_000  # rows of either part; of more a sample, to save time
-    fade: ClassVar[float] = 0.5  # Δ; age at which a state counts half: the present leads
-    look: ClassVar[float] = 0.5
+    past_half_life_deltas: ClassVar[float] = 0.5  # Δ; age at which a state counts half
+    max_look_difference: ClassVar[float] = 0.5
     """Deviations in light and skin: the most between similar rows, a jump between which would be
     seen."""
-    follow: ClassVar[float] = 1.25
+    follow_deltas: ClassVar[float] = 1.25
     """Mean time, in Δ, that a fish follows one row; longer where postures last longer."""
-    obey: ClassVar[float] = 0.1
+    control_tolerance: ClassVar[float] = 0.1
     """Width of what passes for a control, as a share of the spread over similar rows: a small one
     lets the fish turn as it is steered."""
-    settle_pose: ClassVar[float] = 0.5  # Δ; half-life of a difference of posture: long, as it shows
-    settle_motion: ClassVar[float] = 0.1  # Δ; half-life of one of speed: short, it changes at once
+    # Δ; half-lives of a difference of posture: long, as it shows; of speed: short
+    pose_half_life_deltas: ClassVar[float] = 0.5
+    motion_half_life_deltas: ClassVar[float] = 0.1
 
     RENAMED: ClassVar[dict[str, str]] = {
         "share": "pose_variance_ratio",
@@ -50,4 +51,11 @@ class ForecastSettings:
         "held_out": "held_out_ratio",
         "seen": "max_discontinuity",
         "neighbours": "similar_frames",
+        "lags": "lag_deltas",
+        "fade": "past_half_life_deltas",
+        "look": "max_look_difference",
+        "follow": "follow_deltas",
+        "obey": "control_tolerance",
+        "settle_pose": "pose_half_life_deltas",
+        "settle_motion": "motion_half_life_deltas",
     }
