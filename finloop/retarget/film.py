@@ -18,12 +18,7 @@ from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
 from finloop.retarget.edit import RowSequence, build_edit_list, shown_pose_codes
 from finloop.retarget.motion import RecordedMotion, resample_track
-from finloop.retarget.place import (
-    find_placement,
-    find_points_outside,
-    mirror_left_right,
-    track_scale,
-)
+from finloop.retarget.place import find_placement, find_points_outside, track_scale
 from finloop.retarget.posture import (
     align_postures,
     backbone_length_share,
@@ -129,7 +124,7 @@ def retarget_track(
     if track.rows is not None and not p.allow_own_frames:
         rows = rows.exclude_rows(track.rows)
     delta = infer_delta_frames(reel.features)
-    joins = resolve_join_rules(others.joins, others.join, film.pictures.bodies, delta)
+    joins = resolve_join_rules(others.joins, others.join, film.bodies, delta)
     sources, placed = _choose_rows_and_move_into_tank(placed, rows, joins, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
     edit = build_edit_list(sources, placed.pose, placed.codes, drawn_scale, joins, film.rate_hz)
@@ -203,7 +198,7 @@ def _fit_track_to_fish(
     """Return a recorded track as motion of this film's fish: scaled, with postures; and the scale.
 
     motion: its points at every tick. The scale is px of this film per px of the track. A track
-    without postures gets the mean posture; `p.mirrored` swaps left and right.
+    without postures gets the mean posture.
     """
     shapes, length_px, along = film.poses.shapes, film.reel.length_px, track.along
     # What `track.length_px` measures, on this film's fish, as a multiple of its typical length.
@@ -211,13 +206,10 @@ def _fit_track_to_fish(
     if len(along) == 2:  # two points show only the straight distance between them
         length_share = straight_distance_share(shapes, along) / np.ptp(along)
     scale = track_scale(track, length_px * length_share, p)
-    points, codes = scale * motion.points, motion.codes
-    if p.mirrored:
-        points = mirror_left_right(points, film.arena.shape[1])
-        codes = None if codes is None else codes @ shapes.mirror_matrix
+    points = scale * motion.points
     # With postures: the film's nearest ones. Without: the mean posture, turned as the points show.
     if track.has_postures:
-        pose, codes, clamped = fit_postures(points, along, shapes, length_px, codes)
+        pose, codes, clamped = fit_postures(points, along, shapes, length_px, motion.codes)
         return _PlacedTrack(points, along, pose, codes, clamped), scale
     postures = np.repeat(shapes.mean[None], len(points), 0)
     heading = None

@@ -43,8 +43,7 @@ def load_track(film: RetargetData, p: RetargetSettings) -> Track:
     if folder is not None:
         return _load_film_track(folder, steps, p)
     rate = p.tracks_rate_hz or film.rate_hz
-    software = None if p.software == "auto" else p.software
-    return track_from_poses(load_poses(path, software, rate, "retarget.tracks"), rate, steps, p)
+    return track_from_poses(load_poses(path, None, rate, "retarget.tracks"), rate, steps, p)
 
 
 def film_data_folder(path: Path) -> Path | None:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
@@ -36,7 +36,10 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
     """
     time = track.frame / track.rate_hz
     wanted = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
-    stretches = _find_stretches(track, wanted, p.gap_s)
+    # The frames of each stretch without a long gap, as indices in the track.
+    usable = np.flatnonzero(np.isfinite(track.points).all((1, 2)) & wanted)
+    is_gap = np.diff(track.frame[usable]) > 1 + round(p.gap_s * track.rate_hz)
+    stretches = np.split(usable, np.flatnonzero(is_gap) + 1)
     longest = max(stretches, key=lambda stretch: np.ptp(time[stretch]) if len(stretch) else -1.0)
     duration_s = float(np.ptp(time[longest])) if len(longest) else 0.0
     ticks = int(duration_s * rate_hz + 1e-6) + 1  # 1e-6: against rounding errors
@@ -78,17 +81,6 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
         "stretches_left_out": len(stretches) - 1,
         "forward_pct": 100 * forward,
     })  # fmt: skip
-
-
-def _find_stretches(track: Track, wanted: Mask, gap_s: float) -> list[Ints]:
-    """Return the frames of each stretch of a track without a long gap, as indices in the track.
-
-    wanted (t,): which frames count, if all their points are given; gap_s: the longest gap that a
-    stretch may have.
-    """
-    usable = np.flatnonzero(track.is_complete & wanted)
-    is_gap = np.diff(track.frame[usable]) > 1 + round(gap_s * track.rate_hz)
-    return np.split(usable, np.flatnonzero(is_gap) + 1)
 
 
 def forward_share(points: Floats) -> float:

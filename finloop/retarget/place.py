@@ -31,11 +31,6 @@ def track_scale(track: Track, length_px: float, p: RetargetSettings) -> float:
     return length_px / track.length_px
 
 
-def mirror_left_right(points: Points, width_px: int) -> Points:
-    """Return points (…, 2) px mirrored left to right in a tank `width_px` wide."""
-    return np.stack([width_px - 1 - points[..., 0], points[..., 1]], -1)
-
-
 def find_points_outside(points: Points, arena: Mask) -> Mask:
     """Return a mask (…) of the points (…, 2) px that lie outside the arena (h, w)."""
     column, row = np.moveaxis(_round_to_pixels(points), -1, 0)

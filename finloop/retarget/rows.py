@@ -71,7 +71,9 @@ class FilmRows:
         )
         look_part = weights.appearance_weight * np.asarray(look, float).reshape(sides, n, -1)
         all_parts = [pose_part, change_part, motion_part, look_part]
-        natural_step = _median_step(reel, np.concatenate(all_parts, axis=-1)[0])
+        vectors, (first, after) = np.concatenate(all_parts, axis=-1)[0], reel.step_ends
+        steps = np.linalg.norm(vectors[after] - vectors[first], axis=-1)
+        natural_step = max(float(np.median(steps)), 1e-12)
         # A track without postures is compared by its motion alone. The film's pose is free there,
         # so at a jump not only light and skin change visibly, but the pose, too.
         compared, visible = all_parts[:3], [look_part]
@@ -117,13 +119,6 @@ class FilmRows:
             parts = [codes, change_per_row(codes, goes_on, self.span), *parts]
         scaled = [part * scale for part, scale in zip(parts, self.scales, strict=True)]
         return np.concatenate(scaled, axis=-1)
-
-
-def _median_step(reel: Reel, vectors: Floats) -> float:
-    """Return the median distance between the vectors (n, d) of a row and of the next one."""
-    first, after = reel.step_ends
-    steps = np.linalg.norm(vectors[after] - vectors[first], axis=-1)
-    return max(float(np.median(steps)), 1e-12)
 
 
 def _join_and_flatten(parts: list[Floats]) -> Floats:

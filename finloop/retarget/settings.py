@@ -5,7 +5,6 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from finloop.base.poses import Software
 from finloop.base.settings import NotNegative, Positive
 
 
@@ -29,13 +28,8 @@ class RetargetSettings:
     placement: Literal["fit", "shrink", "given"]
     allow_own_frames: bool
 
-    # the program that made the file; auto: the file shows it, and no file is read otherwise
-    software: ClassVar[Software | Literal["auto"]] = "auto"
-    head: ClassVar[str] = "auto"  # keypoint at the head, found by its name; body_keypoints names it
-    tail: ClassVar[str] = "auto"  # keypoint at the tail, found by its name; body_keypoints names it
     # s; shorter gaps are filled, longer ones end a stretch: within about one Δ a spline is right
     gap_s: ClassVar[float] = 0.2
-    mirrored: ClassVar[bool] = False  # whether left and right are exchanged; mirror the file
     candidates: ClassVar[int] = 40  # nearest rows weighed at a tick; time grows with its square
     # natural steps; cost of a jump. A distance of this size from the track, kept up for one Δ,
     # costs the same; less and rows change often, more and they follow less closely

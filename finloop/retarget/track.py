@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.extract.backbone import resample_line
@@ -40,11 +40,6 @@ class Track(NamedTuple):
     rows: Ints | None = None
 
     @property
-    def is_complete(self) -> Mask:
-        """Return the mask (t,) of the frames that have all points."""
-        return np.asarray(np.isfinite(self.points).all((1, 2)))
-
-    @property
     def has_postures(self) -> bool:
         """Return whether there are enough points, 3, to show how the animal is bent."""
         return len(self.along) > 2
@@ -67,9 +62,9 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
         share = (along - first) / (last - first)
         body = resample_body_lines(points[:, order], share, name)
     else:
-        heads = [find_keypoint(poses.keypoints, p.head, HEADS, "retarget.body_keypoints")]
+        head = find_keypoint(poses.keypoints, "auto", HEADS, "retarget.body_keypoints")
         # A single point is the head, or the middle of the animal, which is NaN (`Track`).
-        single = 0.0 if poses.keypoints[order[0]] in heads else np.nan
+        single = 0.0 if poses.keypoints[order[0]] == head else np.nan
         along = np.array([first, last] if len(order) == 2 else [single])
         body = points[:, order]
     complete = np.isfinite(body).all((1, 2))
@@ -152,8 +147,8 @@ def body_keypoint_numbers(keypoints: Sequence[str], points: Floats, p: RetargetS
                 "correct retarget.body_keypoints",
             )
         return np.array([keypoints.index(name) for name in p.body_keypoints])
-    head = find_keypoint(keypoints, p.head, HEADS, "retarget.body_keypoints")
-    tail = find_keypoint(keypoints, p.tail, TAILS, "retarget.body_keypoints")
+    head = find_keypoint(keypoints, "auto", HEADS, "retarget.body_keypoints")
+    tail = find_keypoint(keypoints, "auto", TAILS, "retarget.body_keypoints")
     if head is None or tail is None or head == tail:
         centre = next((k for k, name in enumerate(keypoints) if _letters_of(name) in _CENTRES), 0)
         return np.array([centre if head is None else keypoints.index(head)])
