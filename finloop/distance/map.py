@@ -154,7 +154,7 @@ def _squared_norms(x: Float32s) -> Float32s:
 def _squared_distances(x: Float32s, norms: Float32s, rectangle: MapBlock) -> Float32s:
     """Return the squared picture distances (Eq. 5) in a rectangle of the map, with rounding errors.
 
-    They come from a matrix product. x (n, k): pictures as rows; norms (n,): squared.
+    They come from a matrix product.
     """
     columns = x[rectangle.columns].T
     if rectangle.rows == rectangle.columns:
@@ -171,9 +171,8 @@ def _recompute_small_squares(
     """Compute small squared distances again, in place, where rounding spoils their root.
 
     block_squares: squared distances in a rectangle of the map; those whose root may be off by more
-    than EXACT are replaced. x (n, k): pictures as rows; norms (n,): squared. An error e of a square
-    d² is an error e / 2d of its root, and e is up to _LOSS (‖a‖² + ‖b‖²): d is too small below
-    least_d = factor (‖a‖² + ‖b‖²).
+    than EXACT are replaced. An error e of a square d² is an error e / 2d of its root, and e is up
+    to _LOSS (‖a‖² + ‖b‖²): d is too small below least_d = factor (‖a‖² + ‖b‖²).
     """
     rows, columns = rectangle
     # Which squares are too small; mostly none.
@@ -200,8 +199,8 @@ def _recompute_small_squares(
 def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
     """Return the kind (n,) of each row as a number; only rows of one kind are compared (Eqs. 6, 7).
 
-    features: the feature table; pose: FILM or BODY. Rows of one kind have the same swimming type
-    (−1, 0 or 1) and, in the pose FILM, where turned fish differ, the same orientation.
+    Rows of one kind have the same swimming type (−1, 0 or 1) and, in the pose FILM, where turned
+    fish differ, the same orientation.
     """
     swimming_type = features["swimming_type"].to_numpy(np.intp)
     orientation = features["orientation"].to_numpy(np.intp)
@@ -210,10 +209,7 @@ def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
 
 
 def find_comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
-    """Return which pairs (n, n) are compared: equal kinds (Eq. 7), similar motion areas (Eq. 8).
-
-    kind, area (n,): kind and motion area of frames; threshold: largest difference of two areas.
-    """
+    """Return which pairs (n, n) are compared: equal kinds (Eq. 7), similar motion areas (Eq. 8)."""
     return (kind[:, None] == kind) & _have_similar_areas(area, area, threshold)
 
 
@@ -230,8 +226,7 @@ def sort_by_kind_and_area(kind: Ints, area: Reals) -> Ints:
 def find_comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterator[MapBlock]:
     """Yield blocks of the distance map that hold every pair a < b to be compared (Eq. 6) once.
 
-    kind, area (n,): kind and motion area of frames sorted by `sort_by_kind_and_area`; threshold:
-    largest difference of two areas (Eq. 8).
+    kind, area (n,): sorted by `sort_by_kind_and_area`; threshold: of two areas (Eq. 8).
     """
     area = area.astype(float)
     edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
@@ -258,10 +253,9 @@ def find_similar_pairs(
 ) -> Iterator[PicturePairs]:
     """Yield, block by block, the pairs a < b that are comparable (Eq. 6) and look alike.
 
-    a, b: numbers of the pictures. x (n, k): the pictures as rows, less their mean, in the order of
-    `sort_by_kind_and_area`; kind, area (n,): kind and motion area of each. Comparable are pictures
-    of one kind whose areas differ by at most `threshold` (Eqs. 6-8); alike are those at most
-    `most_distance` apart (Eq. 5). Memory does not grow with the number of pairs.
+    x (n, k): in the order of `sort_by_kind_and_area`. Comparable are pictures of one kind whose
+    areas differ by at most `threshold` (Eqs. 6-8); alike are those at most `most_distance` apart
+    (Eq. 5). Memory does not grow with the number of pairs.
     """
     norms = _squared_norms(x)
     for rectangle in find_comparison_blocks(kind, area, threshold):
@@ -367,8 +361,7 @@ def list_map_blocks(features: pd.DataFrame, settings: DistanceSettings) -> list[
 def _choose_and_sort_rows(features: pd.DataFrame, settings: DistanceSettings) -> SortedRows:
     """Return the rows to compare, and their order: all of the film, or stretches of a longer one.
 
-    The order is by kind, then by motion area: see `SortedRows`. Stretches are drawn at random until
-    they have `max_rows` rows.
+    Stretches are drawn at random until they have `max_rows` rows.
     """
     most_rows, track = settings.max_rows, features["track_id"].to_numpy()
     stretches = sample_stretches(track, max(2, most_rows // _STRETCHES), most_rows, seed=0)
@@ -385,9 +378,8 @@ def compare_frames(
 ) -> FrameComparison:
     """Return all pairs of similar frames of a film (Eqs. 5-8), and its steps from frame to frame.
 
-    film: its cut-outs and features; advance(): called after each block. In a film of more than
-    `settings.max_rows` rows only stretches are compared. FinloopError if the film does not
-    move.
+    advance(): called after each block. In a film of more than `settings.max_rows` rows only
+    stretches are compared. FinloopError if the film does not move.
     """
     size, pose = settings.picture_size_px, settings.frame_of_reference
     rows, order, kind, area = _choose_and_sort_rows(film.features, settings)

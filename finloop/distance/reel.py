@@ -31,10 +31,7 @@ _BATCH = 500  # pictures at a time
 
 
 def sprite_store_row(sprite: int, orientation: int, orientations: int) -> int:
-    """Return the number, in the store of sprites, of a sprite's picture in an orientation, 1 ….
-
-    orientations: how many each sprite has.
-    """
+    """Return the number, in the store of sprites, of a sprite's picture in an orientation, 1 …."""
     return sprite * orientations + orientation - 1
 
 
@@ -55,7 +52,6 @@ class Reel:
     scale: float = 1.0
 
     def __post_init__(self) -> None:
-        """Raise FinloopError if tables and stores are not of one film."""
         keys = self.features[_KEY].to_numpy()
         problems = []
         if not np.array_equal(keys, self.film.index[_KEY].to_numpy()):
@@ -81,7 +77,6 @@ class Reel:
             )
 
     def __len__(self) -> int:
-        """Return the number of rows, one for each fish in each frame."""
         return len(self.features)
 
     def scale_to(self, times_filmed: float) -> "Reel":
@@ -127,10 +122,7 @@ class Reel:
         return first, first + frames
 
     def next_rows(self, rows_now: ArrayLike) -> Rows:
-        """Return the row that shows the same fish a frame later; at a track's end the row itself.
-
-        rows_now (…): row numbers; the result has the same shape.
-        """
+        """Return the rows (…) of the same fish a frame later; at a track's end the same rows."""
         rows = np.asarray(rows_now, np.intp)
         return rows + self.has_next_frame[rows]
 
@@ -140,7 +132,7 @@ class Reel:
         """Return a picture with a row's fish in its middle, turned anticlockwise as seen.
 
         The picture is (size_px, size_px, channels), 0 … 1. length_px: the fish's body length as
-        filmed; all fish come out equally long.
+        filmed.
         """
         return draw_centred_cutout(
             self.film[int(row)], self.centres_px[row], length_px, size_px, turn_deg
@@ -149,8 +141,8 @@ class Reel:
     def draw_rows(self, rows: Rows, size_px: int, pose: str) -> Pictures:
         """Return pictures (k, size_px, size_px, channels), 0 … 1, of the fish of rows (k,).
 
-        Each fish is in the middle. pose: FILM, as filmed, or BODY, turned to head right. All fish
-        come out equally long, by the typical length of the animal. There is at least one row.
+        pose: FILM, as filmed, or BODY, turned to head right. All fish are in the middle and equally
+        long, by the typical length of the animal. There is at least one row.
         """
         heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
         return self.draw_aligned_rows(rows, heading, size_px)
@@ -170,8 +162,7 @@ class Reel:
     def measure_steps(self, size_px: int, pose: str, rows: Rows) -> Floats:
         """Return the picture distances (k,) (Eq. 5) from each of some rows to the next one of them.
 
-        rows (k,): ascending; size_px: side of the pictures; pose: FILM or BODY. NaN where the next
-        one is not the next frame of the same track.
+        rows (k,): ascending. NaN where the next one is not the next frame of the same track.
         """
         step = np.full(len(rows), np.nan)
         for start in range(0, len(rows) - 1, _BATCH):
@@ -204,8 +195,7 @@ class Reel:
         """Return a picture (size_px, size_px, channels), 0 … 1, with a sprite in its middle.
 
         The picture shows `SPAN` lengths of that animal, so all animals come out equally long.
-        orientation: in which the sprite is stored; turn_deg: turns it further, anticlockwise as
-        seen.
+        turn_deg: turns it further, anticlockwise as seen.
         """
         centre, body_length = self.sprite_centres_px[number], self._sprite_lengths_px[number]
         return draw_centred_cutout(
