@@ -100,7 +100,7 @@ def _example_distances(
     One animal: the first and the last part of each long track. Two: the first part of one long
     track and the last part of another, for the pairs `at_once`, which have a frame in common.
     Distances are measured along discriminant directions that were learnt from other tracks.
-    tracks: descriptors (k, d) of each; long_tracks: numbers of those with enough pictures.
+    long_tracks: numbers of those with enough pictures.
     """
     one_animal, two_animals = list[Floats](), list[Floats]()
     for fold in range(_FOLDS):
@@ -120,7 +120,7 @@ def _find_discriminant(
 ) -> "LinearDiscriminantAnalysis | None":
     """Return the directions of descriptor space that distinguish tracks; None for fewer than two.
 
-    tracks: descriptors (k, d) of each track; numbers: of the tracks to learn from.
+    tracks: descriptors (k, d) of each; numbers: of those to learn from.
     """
     if len(numbers) < 2:
         return None

@@ -42,9 +42,8 @@ USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px
 class IdentityEvidence:
     """The evidence for the identities of the animals in a film.
 
-    reel: its feature table and cut-outs (the pixels of each fish). measures (n, d): of every row's
-    body. segment (n,): the part of the film between two cuts; tracks of different parts are never
-    joined.
+    measures (n, d): of every row's body. segment (n,): the part of the film between two cuts;
+    tracks of different parts are never joined.
     """
 
     reel: Reel
@@ -142,7 +141,7 @@ def _cut_gap(frame: Ints, rows: NDArray[np.intp], gap_frames: int) -> list[NDArr
     """Leave `gap_frames` out of the middle of a track; return its rows before and after them.
 
     Where a part would have fewer than `_LEAST_HALF` rows, all rows are returned as one part. frame:
-    the frame number of every row of the film; rows (k,): of the track, in their order.
+    of every row of the film; rows (k,): of the track, in their order.
     """
     frames = frame[rows]
     first_gap_frame = (frames[0] + frames[-1] - gap_frames) // 2
@@ -156,8 +155,8 @@ def _cut_gap(frame: Ints, rows: NDArray[np.intp], gap_frames: int) -> list[NDArr
 def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]) -> TrackJoins:
     """Return which track continues which, by motion and appearance.
 
-    track_rows: the rows of each track, in their order. Tracks are joined to chains, chains to
-    longer ones; a pair is likely if its ends fit in motion, and its animals look alike.
+    Tracks are joined to chains, chains to longer ones; a pair is likely if its ends fit in motion,
+    and its animals look alike.
     """
     reel, p = evidence.reel, evidence.settings
     features = reel.features
@@ -194,10 +193,7 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
 def _describe_tracks(
     evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]
 ) -> list[Floats]:
-    """Return for each track descriptors (k, d) of its animal's looks in k of its rows.
-
-    track_rows: the rows of each track, in their order.
-    """
+    """Return for each track descriptors (k, d) of its animal's looks in k of its rows."""
     reel, p = evidence.reel, evidence.settings
     samples = [spread_rows(rows, p.pictures_per_track) for rows in track_rows]
     sampled_rows = np.concatenate(samples)
@@ -210,10 +206,7 @@ def _describe_tracks(
 
 
 def _number_animals(joins: TrackJoins, row_counts: list[int]) -> NDArray[np.intp]:
-    """Return the number of each track's animal; animal 0 has the most rows.
-
-    row_counts: of each track.
-    """
+    """Return the number of each track's animal; animal 0 has the most rows."""
     root = np.arange(len(row_counts))  # becomes the first track of each track's animal
     while (has_earlier := joins.predecessor[root] >= 0).any():
         root = np.where(has_earlier, joins.predecessor[root], root)

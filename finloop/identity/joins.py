@@ -68,10 +68,7 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
 
 
 def _pair_with_ranges(order: Tracks, low: Tracks, high: Tracks) -> TrackPairs:
-    """Return pairs of every track k with each of the tracks order[low[k]:high[k]].
-
-    order, low, high: (n,) each, for n tracks.
-    """
+    """Return pairs of every track k with each of the tracks order[low[k]:high[k]]."""
     partners = [order[first:stop] for first, stop in zip(low, high, strict=True)]
     counts = [len(tracks) for tracks in partners]
     return TrackPairs(
@@ -85,9 +82,9 @@ def find_best_joins(
 ) -> TrackJoins:  # fmt: skip
     """Return the most probable set of joins; a track has at most one predecessor and one successor.
 
-    tracks: their number. log_ratio (e,): log(probability of one animal / of two), for each of the
-    `pairs`; only these can be joined. stranger_probability: that an animal comes or goes. Joins
-    less probable than `least_probability` are left out.
+    log_ratio (e,): log(probability of one animal / of two), for each of the `pairs`; only these can
+    be joined. stranger_probability: that an animal comes or goes. Joins less probable than
+    `least_probability` are left out.
 
     The probability of a join is its share of the best sets when all scores are disturbed by noise
     (Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). The noise of a join is the
@@ -114,11 +111,10 @@ def join_in_passes(
 ) -> TrackJoins:
     """Join tracks in several passes, the most certain joins first; return each track's join.
 
-    tracks: their number. Tracks that a join of at least `sure_probability` connects are one chain
-    in the next pass: a chain shows more of an animal, and fewer ends stay open. The pass that finds
-    no such join is the last; all its joins are accepted. score_pairs: returns pairs of chains and
-    the log ratio of each; find_joins: returns the best joins of a number of chains, from these
-    pairs and ratios.
+    Tracks that a join of at least `sure_probability` connects are one chain in the next pass: a
+    chain shows more of an animal, and fewer ends stay open. The pass that finds no such join is the
+    last; all its joins are accepted. score_pairs: returns pairs of chains and the log ratio of
+    each; find_joins: returns the best joins of a number of chains, from these pairs and ratios.
     """
     predecessor, probability = np.full(tracks, -1), np.ones(tracks)
     chains: Chains = [[track] for track in range(tracks)]
@@ -168,7 +164,6 @@ class _JoinSearch:
     """
 
     def __init__(self, pairs: TrackPairs, tracks: int) -> None:
-        """Prepare the assignment problem of each component; tracks: number of tracks."""
         self._starts, self._tracks = pairs.b, tracks
         links = coo_array((np.ones(len(pairs.a)), pairs), (tracks, tracks))
         component = connected_components(links, directed=False)[1]  # of each track

@@ -59,10 +59,7 @@ def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps
 
 
 def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
-    """Return where chains begin and end: as their first track begins, and their last one ends.
-
-    tracks: where each track begins and ends; chains: numbers of tracks.
-    """
+    """Return where chains begin and end: as their first track begins, and their last one ends."""
     first, last = [chain[0] for chain in chains], [chain[-1] for chain in chains]
     return TrackEnds(
         tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],
@@ -71,10 +68,7 @@ def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
 
 
 def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floats:
-    """Return the mean velocity (2,) from row `first` to row `last` of a track; 0 if it has one row.
-
-    frames (k,), places (k, 2): of the track's rows; the unit is that of places per frame.
-    """
+    """Return the mean velocity (2,) from row `first` to row `last`; 0 in a track of one row."""
     if len(frames) < 2:
         return np.zeros(2)
     return (places[last] - places[first]) / max(frames[last] - frames[first], 1)
@@ -151,8 +145,6 @@ def _measure_mismatches(
     One prediction of the place half way starts before the gap, one after it: the first list has
     their median distances in body lengths. The second has the share (0 to 1) of the velocity before
     the gap that lasts, fitted by least squares. Both end where the film has too few gaps so long.
-    tracks: track_id, frame, x, y (body lengths), sorted by track and frame; velocity_frames: over
-    which a velocity is measured.
     """
     place, key = tracks[["x", "y"]].to_numpy(float), tracks[["track_id", "frame"]].to_numpy()
     mismatches, shares = list[float](), list[float]()
