@@ -19,7 +19,7 @@ from finloop.io.table import load_table, save_csv, save_table
 from finloop.modes.phases import learn_phases, state_shares
 from finloop.plan import path_measures
 from finloop.project import Project
-from finloop.social.measures import SHOAL, compare_groups, measure_group, split_in_halves
+from finloop.social.measures import SCHOOL, compare_groups, measure_group, split_in_halves
 from finloop.social.walls import Walls
 
 ANIMATE, OUT, REPORT = Path("data/animate"), Path("data/animate/beside"), Path("reports/animate")
@@ -70,7 +70,7 @@ def compare_schools(project: Project) -> pd.DataFrame:
     """
     if project.settings("matching").fish == 1 or "matching" not in _list_animated_modes():
         return compare_groups({}, {})
-    film = load_table(Path("data/calibrate/film.parquet"), SHOAL)
+    film = load_table(Path("data/calibrate/film.parquet"), SCHOOL)
     first_half, second_half = split_in_halves(film)
     columns = ["tick", "x_px", "y_px", "heading_deg"]
     edit = load_table(ANIMATE / "matching.parquet", EDIT, columns)

@@ -23,7 +23,7 @@ from finloop.io.record import save_json
 from finloop.io.several import load_readable_parts
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
-from finloop.social.measures import SHOAL, compare_groups
+from finloop.social.measures import SCHOOL, compare_groups
 from finloop.social.rule import SOCIAL_STEPS, SchoolRule
 from finloop.social.zones import NO_ZONES, Zones
 from stages.settings import load_settings
@@ -43,7 +43,7 @@ def rows_of_first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
 def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
     """Simulate the film's fish as points, once with its zones and once without zones.
 
-    Return a table of each group's measures, columns of `SHOAL`, by the names "zones" and "alone".
+    Return a table of each group's measures, columns of `SCHOOL`, by the names "zones" and "alone".
     """
     rows, tables = film.rows_with_whole_steps(p.rows), {}
     for name, group_zones in (("zones", zones), ("alone", NO_ZONES)):
@@ -89,10 +89,10 @@ def main() -> None:
         numbers["own_direction"] = fit.direction_weight  # weight of a fish's present direction
     with whole_folder(OUT) as folder:
         _save_rule(folder, rule)
-        save_table(folder / "film.parquet", film.table, SHOAL)
+        save_table(folder / "film.parquet", film.table, SCHOOL)
         simulated = _simulate(film, rule.zones, p) if fit else {}
         for name, table in simulated.items():
-            save_table(folder / f"{name}.parquet", table, SHOAL)
+            save_table(folder / f"{name}.parquet", table, SCHOOL)
         films = {"film": film.table, "second_half": film.half_measures(first=False)}
         table = compare_groups(films, {"first_half": film.half_measures(first=True), **simulated})
         # Not in reports/, which is in git: points that act on each other amplify rounding, so they

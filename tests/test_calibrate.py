@@ -37,7 +37,7 @@ from finloop.io.record import save_records
 from finloop.io.several import PARTS_NAME, FilmPart
 from finloop.io.table import load_table, save_table
 from finloop.project import Project
-from finloop.social.measures import SHOAL, measure_values, wasserstein_distances
+from finloop.social.measures import SCHOOL, measure_values, wasserstein_distances
 from finloop.social.neighbours import all_neighbours, complex_vectors
 from finloop.social.rule import require_rule
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull_of_others, zone_means
@@ -305,7 +305,7 @@ def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(zones_run, monk
     table = pd.read_csv(folder / "data/calibrate/company.csv")
     assert set(table["shoal"]) == {"first_half", "zones", "alone"}
     assert set(table["beside"]) == {"film", "second_half"}
-    film = load_table(folder / "data/calibrate/film.parquet", SHOAL)
+    film = load_table(folder / "data/calibrate/film.parquet", SCHOOL)
     assert len(film) == 6 * 200 and len(measure_values(film, "polarisation")) == 200
     assert Project().school_rule.horizon == 1
     assert Project().school_rule.zones.attraction == numbers["attraction"]

@@ -13,7 +13,7 @@ from finloop.io.table import load_table, save_table
 from finloop.social import measures
 from finloop.social import zones as zones_module
 from finloop.social.leader import describe_contradiction, leaders_by_follower
-from finloop.social.measures import SHOAL, compare_groups, measure_group, wasserstein_distances
+from finloop.social.measures import SCHOOL, compare_groups, measure_group, wasserstein_distances
 from finloop.social.neighbours import all_neighbours, complex_vectors, neighbours_among
 from finloop.social.rule import (
     DecidingFish,
@@ -246,8 +246,8 @@ def test_measures_of_fish_whose_places_are_known():
 
 def test_who_is_alone_has_a_wall_and_no_neighbour(tmp_path):
     made = table([(100, 100), (140, 100), (60, 100)], [0, 0, 0], [0, 0, 1])
-    save_table(tmp_path / "shoal.parquet", made, SHOAL)
-    alone = load_table(tmp_path / "shoal.parquet", SHOAL).iloc[2]
+    save_table(tmp_path / "shoal.parquet", made, SCHOOL)
+    alone = load_table(tmp_path / "shoal.parquet", SCHOOL).iloc[2]
     assert alone[NEIGHBOURS].isna().all()
     assert alone["wall_distance"] > 0
 

@@ -56,14 +56,14 @@ class FilmGroup:
         return self.frame < middle_frame(self.frame)
 
     def half_measures(self, first: bool) -> pd.DataFrame:
-        """Return one half's measures, columns of `SHOAL`; first: whether of the first half."""
+        """Return the measures (`SCHOOL`) of the first half of the film, or of the second."""
         return self.table[self.first_half == first]
 
     def rows_for_fit(self, first: bool, most: int) -> Ints:
         """Return at most `most` rows of one half of the film, evenly spread, to fit the zones to.
 
-        first: whether of the first half. Each row has other fish in its frame, and the same fish is
-        seen `horizon_frames` later in the same half.
+        Each row has other fish in its frame, and the same fish is seen `horizon_frames` later in
+        the same half.
         """
         in_half = self.first_half == first
         # slots.row: the line of a fish's frame in arrays that have a line per frame
@@ -102,9 +102,8 @@ def build_film_group(
 ) -> FilmGroup:
     """Return the group of all fish of a film, with their neighbours, from the feature table.
 
-    arena (h, w): True inside. delta: frames over which motion is measured (Δ). horizon: time
-    between seeing and responding, in units of Δ, or "auto" to measure it. FinloopError if a given
-    horizon is longer than half the longest track.
+    delta: Δ in frames. horizon: time between seeing and responding, in units of Δ, or "auto" to
+    measure it. FinloopError if a given horizon is longer than half the longest track.
     """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))

@@ -123,7 +123,6 @@ def _explained_share(
     wall, after = _wall_pull(film, rows), film.relative_headings(rows)
 
     def squared_error(coefficients: Floats) -> float:
-        """Return the sum of squared errors of the directions that coefficients predict."""
         own, *weights, wall_weight = coefficients
         errors = after - own - weigh_zone_pulls(pulls, weights) - wall_weight * wall
         return float((np.abs(errors) ** 2).sum())
@@ -249,8 +248,7 @@ def _regression_columns(pulls: Complex, wall: Complex, weights: Sequence[float |
 
     Directions are complex; 1 is straight on. To the column of the own direction the pulls of zones
     with a fixed weight are added, so their own columns are not to be fitted (`_solve_regression`
-    leaves them out). pulls (n, 3): of the zones; wall (n,): away from the wall; weights (3,): fixed
-    weights, None for a zone that is fitted.
+    leaves them out). The arguments are those of `fit_directions`.
     """
     own = 1.0 + weigh_zone_pulls(pulls, _replace_none_by_zero(weights))
     return np.column_stack([own, pulls, wall])
@@ -284,8 +282,8 @@ def cross_validate(
 ) -> float:
     """Return the squared error of predicted directions; each part of the rows predicts the other.
 
-    parts (n,): True for one part, False for the other; both errors are summed. pulls (n, 3), wall
-    (n,), after (n,): pulls of zones and wall, and later directions; weights (3,): None = fitted.
+    parts (n,): True for one part, False for the other; both errors are summed. The other arguments
+    are those of `fit_directions`.
     """
     columns = _regression_columns(pulls, wall, weights)
     first, second = (_sum_rows(columns[part], after[part]) for part in (parts, ~parts))
@@ -314,7 +312,6 @@ def _weighted_zones(
 ) -> Zones:  # fmt: skip
     """Return zones with fitted weights; an outermost fitted zone of weight 0 gets a width of 0.
 
-    radii: outer ones, body lengths; blind_deg: angle behind the fish in which it sees nothing;
     weights (3,): fitted ones, used where `fixed` (3,), the given ones, is None.
     """
     inner, middle, outer = radii

@@ -88,7 +88,7 @@ def simulate_point_fish(
     """Return measures, by frame, of simulated point fish that swim by the film's steps and zones.
 
     There are as many as the film typically shows in a frame. The table has `settings.steps` frames
-    and the columns of `SHOAL`, after a time in which the fish forget their random start.
+    and the columns of `SCHOOL`, after a time in which the fish forget their random start.
     """
     fish, frames, walls = film.typical_fish_count, settings.steps, film.walls
     place = film.place[rng.choice(len(film.place), fish, replace=len(film.place) < fish)]

@@ -49,7 +49,6 @@ class CalibrateSettings:
     }
 
     def __post_init__(self) -> None:
-        """Refuse zones whose radii do not rise from repulsion to attraction."""
         radii = [radius for radius in self.zone_radii if radius != "auto"]
         if radii != sorted(radii):
             raise ValueError(

@@ -8,6 +8,6 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "leader": ["leaders_by_follower"],
-    "measures": ["SHOAL", "measure_group", "wasserstein_distances"],
+    "measures": ["SCHOOL", "measure_group", "wasserstein_distances"],
     "rule": ["SocialSteps"], "walls": ["Walls"], "zones": ["Zones", "pull_of_others"],
 })  # fmt: skip

@@ -18,7 +18,7 @@ from finloop.base.schema import Column, Schema, columns
 from finloop.social.neighbours import all_neighbours, complex_vectors
 from finloop.social.walls import Walls
 
-SHOAL = Schema(
+SCHOOL = Schema(
     *columns("int32", "1", "frame", "fish"),
     *columns("float32", "body length", "neighbour_distance", nullable=True),
     *columns("float32", "deg", "alignment_deg", "inter_fish_deg", nullable=True),
@@ -26,13 +26,13 @@ SHOAL = Schema(
     Column("polarisation", "float32", "1", nullable=True),
 )
 """A row per fish per frame. Columns that need a second fish are null where there is none."""
-MEASURES = tuple(SHOAL.names[2:])
+MEASURES = tuple(SCHOOL.names[2:])
 
 _PAIRS = 1 << 18  # of fish that are compared at a time: 24 MB, about 90 bytes each
 
 
 def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
-    """Return how fish swim together: a table with the columns of `SHOAL`, a row per fish per frame.
+    """Return how fish swim together: a table (`SCHOOL`) with a row per fish per frame.
 
     Distances, to the nearest fish and to the wall, are in BL, angles 0 … 180°; polarisation is the
     length of the mean heading vector of a frame's fish, 0 … 1, NaN for a lone fish. frame (n,): of
@@ -56,7 +56,7 @@ def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls)
         "inter_fish_deg": bearing[slots.row, slots.fish],
         "wall_distance": walls.wall_distance(row_place),
         "polarisation": polarisation[slots.row],
-    }).astype(SHOAL.kinds)[SHOAL.names]  # fmt: skip
+    }).astype(SCHOOL.kinds)[SCHOOL.names]  # fmt: skip
 
 
 def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
@@ -107,7 +107,7 @@ class FrameSlots(NamedTuple):
 def frame_slots(frame: Ints) -> FrameSlots:
     """Return where each fish of a table stands in an array with a row per frame.
 
-    The fish of a frame fill its row from the left. frame (n,): of each fish.
+    The fish of a frame fill its row from the left.
     """
     frames, row = np.unique(frame, return_inverse=True)
     fish = pd.Series(row).groupby(row).cumcount().to_numpy()
@@ -117,8 +117,7 @@ def frame_slots(frame: Ints) -> FrameSlots:
 def wasserstein_distances(first: pd.DataFrame, second: pd.DataFrame) -> dict[str, float]:
     """Return how far the measures of two groups differ, as Wasserstein distances in their units.
 
-    first, second: columns of `SHOAL`. Polarisation counts once a frame. The result has the names of
-    measures; a measure that a group lacks is left out.
+    Polarisation counts once a frame. A measure that a group lacks is left out.
     """
     distances = {}
     for name in MEASURES:
@@ -133,9 +132,8 @@ def compare_groups(
 ) -> pd.DataFrame:
     """Return how far the measures of each simulated group are from those of each film.
 
-    films, shoals: name → table of `SHOAL`. The result has one row per group, film and measure:
-    shoal, beside (the film), measure, median (of the group), distance (Wasserstein's, in the unit
-    of the measure).
+    The result has one row per group, film and measure: shoal, beside (the film), measure, median
+    (of the group), distance (Wasserstein's, in the unit of the measure).
     """
     rows = [
         (shoal, film, name, float(np.median(measure_values(table, name))), distance)
@@ -147,7 +145,7 @@ def compare_groups(
 
 
 def split_in_halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return a table of `SHOAL` in two: the first and the second half of the film's time."""
+    """Return a table of `SCHOOL` in two: the first and the second half of the film's time."""
     first = table["frame"] < middle_frame(table["frame"].to_numpy())
     return table[first], table[~first]
 
@@ -158,9 +156,6 @@ def middle_frame(frame: Ints) -> float:
 
 
 def measure_values(table: pd.DataFrame, name: str) -> Floats:
-    """Return the values (k,) of one measure without missing ones; polarisation once a frame.
-
-    table: columns of `SHOAL`; name: one of MEASURES.
-    """
+    """Return the values (k,) of one measure without missing ones; polarisation once a frame."""
     rows = table.drop_duplicates("frame") if name == "polarisation" else table
     return rows[name].dropna().to_numpy(float)

@@ -107,10 +107,7 @@ class SocialSteps:
     def from_table(
         cls, table: pd.DataFrame, move_per_pull: float, turn_per_pull: float
     ) -> "SocialSteps":
-        """Return steps from a table with the columns of `SOCIAL_STEPS`, and two pull factors.
-
-        move_per_pull, turn_per_pull: as in `SocialSteps`.
-        """
+        """Return steps from a table with the columns of `SOCIAL_STEPS`, and two pull factors."""
         wall, last, move, turn = (
             table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
             for name in ("wall", "last", "move", "turn")
@@ -169,8 +166,7 @@ def next_place_in_school(
 
     Steps of the film that began alike are drawn in random order, and the pull of the other fish is
     added to each. The place is the first of their ends that lies in the tank. If all lie outside,
-    it is the last, and the caller must move it into the tank. shoaling: the zones and steps of the
-    school; walls: of the tank; rng: source of chance.
+    it is the last, and the caller must move it into the tank.
     """
     place, heading = complex_vectors(
         np.array([[fish.x, fish.y]]), np.array([fish.heading_deg]), walls.length

@@ -37,7 +37,6 @@ class Zones:
     attraction_weight: float
 
     def __post_init__(self) -> None:
-        """Raise FinloopError for a negative number or a blind angle above 360°."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         wrong = [f"{name}={value}" for name, value in values.items() if not 0 <= value < np.inf]
         if wrong or self.blind_deg > 360:
@@ -114,7 +113,6 @@ def pull_of_others(seen: Neighbours, zones: Zones) -> Complex:
 def weigh_zone_pulls(means: Complex, weights: Sequence[float] | Floats) -> Complex:
     """Return the weighted sum (…) of the pulls (…, 3) of the three zones.
 
-    means: the pulls, complex; weights (3,). Unlike `means @ weights`, this sum rounds alike on
-    every processor and for any number of rows.
+    Unlike `means @ weights`, this sum rounds alike on every processor and for any number of rows.
     """
     return np.asarray((means * np.asarray(weights, float)).sum(axis=-1))
