@@ -20,10 +20,9 @@ def draw_in_pose(
 ) -> Premultiplied:  # fmt: skip
     """Return a cut-out drawn in another pose: (height, width, c), premultiplied, 0 … 1.
 
-    pose: of the cut-out (pixels with alpha), px of the film; target: the pose as it is seen in the
-    new picture, px of that; size: its height and width, px; mirrored: whether the animal's left is
-    drawn as its right; sharp: Keys' cubic filter, else a linear one.
-    Drawn in its own pose at its own place it is the frame itself.
+    pose: of the cut-out, px of the film; target: the pose as it is seen in the new picture, px of
+    that; size: its height and width, px. mirrored, sharp: as in `DrawingMode`. Drawn in its own
+    pose at its own place it is the frame itself.
     """
     source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
     picture = PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
@@ -43,8 +42,8 @@ class PosedPicture:
     ) -> None:  # fmt: skip
         """Prepare to draw a picture (h, w, c), 0 … 255, premultiplied, in another pose.
 
-        source, target: the animal's backbone in it and in the new picture; mirrored: whether the
-        animal's left is drawn as its right; sharp: Keys' cubic filter, else a linear one.
+        source, target: the animal's backbone in it and in the new picture. mirrored, sharp: as in
+        `DrawingMode`.
         """
         film_px_per_px = source.size_px / target.size_px
         self._mode = DrawingMode(film_px_per_px, mirrored, sharp)

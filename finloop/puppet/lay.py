@@ -110,7 +110,7 @@ def plan_strips(
 def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
     """Return the least length [px], left or right, of the two sections that bound step i.
 
-    limits: (m, 2) px, lengths of the m sections on their left and right.
+    limits: as in `Strip`.
     """
     return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
 
@@ -135,9 +135,9 @@ def paint_strips(
 def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
     """Return how far [px] the animal is visible beside each step of its backbone, (m - 1, 2).
 
-    film: (h, w, c), alpha last; strip: the m cross-sections along the backbone. From far outside, a
-    ray along each side of a section is followed towards the backbone until a pixel has alpha. Its
-    distance is given as if the backbone were straight (`unsqueeze_offset`).
+    film: (h, w, c), alpha last. From far outside, a ray along each side of a section is followed
+    towards the backbone until a pixel has alpha. Its distance is given as if the backbone were
+    straight (`unsqueeze_offset`).
     """
     height, width, channels = film.shape
     m = len(strip.points)
@@ -327,8 +327,8 @@ def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
 def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
     """Return the weighted sum of the pixels of a square: red (or grey), green, blue, alpha.
 
-    left, top: column and row of its first pixel; across, down: weights of columns and rows. Outside
-    its borders the film is transparent. Separate loops for 2 and 4 channels are faster.
+    left, top: its first pixel; across, down: weights of columns and rows. Outside its borders the
+    film is transparent. Separate loops for 2 and 4 channels are faster.
     """
     height, width, channels = film.shape
     red = green = blue = alpha = _ZERO
@@ -391,9 +391,8 @@ class PictureSet(NamedTuple):
 def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask) -> Floats:
     """Return how different pairs of pictures look when both are drawn in one pose (k,) (Eq. 5).
 
-    rows, others: (k,) each, the pictures of a pair. The distance is Euclidean, of pixels 0 … 1. The
-    others are drawn in the postures of `rows`, mirrored (k,) or not. If a picture is nearer as
-    filmed, that distance counts.
+    The distance is Euclidean, of pixels 0 … 1. The others are drawn in the postures of `rows`,
+    mirrored (k,) or not. If a picture is nearer as filmed, that distance counts.
     """
     distances = np.empty(len(rows))
     canvas = np.empty(film.pictures.shape[1:], np.float32)
@@ -436,9 +435,8 @@ def nearest_in_pose(film: PictureSet, pairs: CandidatePairs, unit: float, count:
 def _distance_in_pose(film, row, other, mirrored, canvas):  # type: ignore[no-untyped-def]
     """Return the Euclidean distance of two pictures, the second in the pose of the first (Eq. 5).
 
-    film: `PictureSet`; row, other: numbers of the two pictures in it; mirrored: whether the second
-    is mirrored; canvas: (s, s, c), overwritten. If the second is nearer as filmed (mirrored, if
-    so), that distance counts.
+    film: `PictureSet`; canvas: (s, s, c), overwritten. If the second is nearer as filmed (mirrored,
+    if so), that distance counts.
     """
     pictures, postures, size_px = film
     side, channels = pictures.shape[1], pictures.shape[3]

@@ -36,11 +36,9 @@ class Pose:
     posture: Floats
 
     def __len__(self) -> int:
-        """Return the number of poses."""
         return len(self.posture)
 
     def __getitem__(self, rows: Any) -> "Pose":
-        """Return the poses of some rows, or the pose of one row."""
         return Pose(
             self.x_px[rows], self.y_px[rows], self.heading_rad[rows], self.size_px[rows],
             self.posture[rows],

@@ -50,10 +50,7 @@ class Strip(NamedTuple):
 
 @finite_kernel
 def cross_sections(line: PlacedBackbone) -> Strip:
-    """Return the cross-sections of a body, along its backbone and straight on beyond its ends.
-
-    line: the backbone of one animal in a picture.
-    """
+    """Return the cross-sections of a body, along its backbone and straight on beyond its ends."""
     # A posture holds how far ahead and to the left of the mass centre the head is, and for each of
     # n steps of the backbone its direction (radians from the heading) and length.
     n = len(line.posture) // 2 - 1
@@ -116,7 +113,7 @@ def _section_limits(points, normals):  # type: ignore[no-untyped-def]
 def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
     """Return whether no point of a backbone is nearer than its end to point i, which is beyond it.
 
-    points (m, 2): of the backbone and beyond; end: row of the head or tail end. 1 % is tolerated.
+    end: row of the head or tail end. 1 % is tolerated.
     """
     to_end = (points[end, 0] - points[i, 0]) ** 2 + (points[end, 1] - points[i, 1]) ** 2
     for j in range(BEYOND, len(points) - BEYOND):

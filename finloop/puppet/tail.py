@@ -34,8 +34,7 @@ def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> 
     """Return how much the visible length of the tail varies: its 95 % minus its 5 % quantile.
 
     The unit is the median length of the body without the tail. tracks: half_width_px and backbone
-    of k rows; backbones: (k, n, 2) px, head first; thin: the body ends where its width falls to
-    this share of its largest.
+    of k rows; backbones: (k, n, 2) px, head first; thin: as in `TailParameters`.
     """
     end = _find_body_ends(_half_widths_head_first(tracks, backbones), thin)
     step, last = _mean_step_lengths(backbones.astype(float)), backbones.shape[1] - 1
@@ -91,8 +90,7 @@ def _half_widths_head_first(tracks: pd.DataFrame, backbones: Reals) -> Floats:
 def _find_body_ends(widths: Floats, thin: float) -> Floats:
     """Return where bodies end (k,), in points from the head; n - 1 if there is no tail.
 
-    widths (k, n): along the backbones, px; thin: the body ends where its width falls to this share
-    of its largest. Ends lie between points, by linear interpolation.
+    widths (k, n): along the backbones, px. Ends lie between points, by linear interpolation.
     """
     points, rows = np.arange(widths.shape[1]), np.arange(len(widths))
     limit = thin * widths.max(1)
