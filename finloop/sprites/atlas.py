@@ -53,9 +53,8 @@ class AtlasPage(NamedTuple):
 def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[AtlasPage]:
     """Return atlas pages of at most page_px × page_px, with all sprites in all orientations.
 
-    sprites: schema `SPRITES`; index: that of sprites.arrow, with the size [px] of each sprite in
-    each orientation. A sequence in one orientation stays on one page. FinloopError if a page cannot
-    hold it.
+    index: that of sprites.arrow, with the size [px] of each sprite in each orientation. A sequence
+    in one orientation stays on one page. FinloopError if a page cannot hold it.
     """
     groups = _list_slots(sprites, index)
 
@@ -90,7 +89,7 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
 def _list_slots(sprites: pd.DataFrame, index: pd.DataFrame) -> list[list[AtlasSlot]]:
     """Return the slots of each sequence in each orientation, whose x and y are still to be set.
 
-    sprites: schema `SPRITES`; index: has the size [px] of each sprite in each orientation.
+    index: has the size [px] of each sprite in each orientation.
     """
     sizes = index.set_index(_KEY)[["width_px", "height_px"]]
     groups = []
@@ -109,8 +108,7 @@ def _list_slots(sprites: pd.DataFrame, index: pd.DataFrame) -> list[list[AtlasSl
 def _pack_page(slots: list[AtlasSlot], most_width: int, most_height: int) -> AtlasPage | None:
     """Return a page with pictures side by side in lines, highest first; None if they do not fit.
 
-    slots: the pictures, whose x and y are still to be set; most_width, most_height: px, largest
-    sides of the page.
+    slots: their x and y are still to be set. most_width, most_height: of the page, px.
     """
     places: dict[str, AtlasSlot] = {}
     x = y = PADDING
@@ -131,8 +129,7 @@ def draw_atlas_page(
 ) -> NDArray[np.uint8]:
     """Draw an atlas page as a picture (height, width, 4), RGBA with straight alpha.
 
-    read_pixels(sprite, orientation): returns the premultiplied picture (h, w, 2 or 4) of one
-    sprite.
+    read_pixels(sprite, orientation): returns its premultiplied picture (h, w, 2 or 4).
     """
     canvas = np.zeros((page.height, page.width, 4), np.uint8)
     for slot in page.slots:
@@ -178,9 +175,9 @@ def atlas_page_json(
 ) -> dict[str, Any]:  # fmt: skip
     """Return the JSON of an atlas page: its sprites' rectangles, sequences, and each step's motion.
 
-    sprites: schema `SPRITES`; index: has the place and size [px] of each sprite in each
-    orientation. All sprites have the same untrimmed size; its middle is within a pixel of the mass
-    centre. page_number: of the page in `atlas`, from 0.
+    index: has the place and size [px] of each sprite in each orientation. All sprites have the same
+    untrimmed size; its middle is within a pixel of the mass centre. page_number: of the page in
+    `atlas`, from 0.
     """
     page = atlas[page_number]
     # The untrimmed size: squares of 2 reach + 1 px around the pixel with the mass centre.

@@ -112,8 +112,7 @@ def _nearest_neighbour_px(table: pd.DataFrame) -> Floats:
 class FrameRun:
     """Successive frames of one track that could become the sprites of a sequence.
 
-    first, last: frame numbers, both included; rows: the same frames in the table of swimmers;
-    faults: what is wrong with them, by name, 1 = just acceptable.
+    first, last: frame numbers, both included; rows: the same frames in the table of swimmers.
     """
 
     track_id: int
@@ -123,7 +122,6 @@ class FrameRun:
     faults: dict[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        """Return the number of frames."""
         return self.rows.stop - self.rows.start
 
     @property
@@ -135,10 +133,9 @@ class FrameRun:
 def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: float) -> FrameRun:
     """Return the run of frames that a setting `sprites.<sequence>_frames` lists in its text.
 
-    text: "track:first-last", as "8:120-140". table: from `swimmer_table`. hold_share: share of the
-    largest bend of a turn from which on a fish counts as holding it.
-    FinloopError if the text or the track is wrong, frames are missing, or show no turn where one is
-    wanted.
+    text: "track:first-last", as "8:120-140". hold_share: share of the largest bend of a turn from
+    which on a fish counts as holding it. FinloopError if the text or the track is wrong, frames are
+    missing, or show no turn where one is wanted.
     """
     name = f"sprites.{sequence}_frames={text}"
     match = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*-\s*(\d+)\s*", text)
@@ -181,9 +178,8 @@ def _parse_frame_run(table: pd.DataFrame, sequence: str, text: str, hold_share: 
 def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float) -> list[str]:
     """Return the phase of each frame of a turn: "in", "hold" or "out"; ["none"] without a bend.
 
-    table: from `swimmer_table`; run: the turn's rows in it; side: 1 left, −1 right. The phase is
-    "hold" while the fish is bent by at least the share `hold_share` of the largest bend, "in"
-    before and "out" after.
+    The phase is "hold" while the fish is bent by at least the share `hold_share` of the largest
+    bend, "in" before and "out" after.
     """
     bend = side * table["bend"].to_numpy()[run.rows]
     peak = int(bend.argmax())
@@ -201,8 +197,8 @@ def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
     """Return evenly changing headings [°], (frames + 1,), for a run and the frame after it.
 
     They lie on a line: its mean over the run is the run's, its slope that from the run's first
-    frame to the frame after it. table: from `swimmer_table`, with headings without jumps of 360;
-    first_row: of the run, in `table`; the row after the run must belong to its track.
+    frame to the frame after it. first_row: of the run, in `table`; the row after the run must
+    belong to its track.
     """
     heading = table["heading"].to_numpy()[first_row : first_row + frames + 1]
     # Both frames show the same phase of the tail beat, so the head's yaw, which a least-squares
@@ -221,11 +217,10 @@ def find_tail_beats(
 ) -> pd.DataFrame:
     """Return the candidates for a tail beat: straight swimming with one wave of the tail.
 
-    table: from `swimmer_table`; delta_frames: Δ in frames, the unit of beat lengths in `settings`.
-    The result has a row per candidate and the columns of `_candidate_table`, where a fault of 1 is
-    just acceptable. One more column is the fault "untypical beat". It says by how many octaves the
-    range of the tail tip differs from the candidates' median. If no fish swims straight for the
-    shortest beat, the result has neither rows nor columns.
+    The result has a row per candidate, the columns of `_candidate_table`, and the fault "untypical
+    beat". That says by how many octaves the range of the tail tip differs from the candidates'
+    median. If no fish swims straight for the shortest beat, the result has neither rows nor
+    columns.
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta_frames))
     most = round(settings.beat_most * delta_frames)
@@ -261,9 +256,9 @@ def _share_of_one_wave(values: Reals) -> Reals:
 def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSettings) -> pd.DataFrame:
     """Return the candidates for a glide: straight swimming with a still tail.
 
-    table: from `swimmer_table`; delta_frames: Δ, the unit of a glide's length in the settings. The
-    columns are those of `_candidate_table`. Runs shorter than `slide_least` are included only if
-    there are no longer ones, and those whose tail moves more than `still` only if no tail is still.
+    The columns are those of `_candidate_table`. Runs shorter than `slide_least` are included only
+    if there are no longer ones, and those whose tail moves more than `still` only if no tail is
+    still.
     """
     least = max(3, round(settings.slide_least * delta_frames))
     most = max(3, round(settings.slide_most * delta_frames))
@@ -345,8 +340,8 @@ def _candidate_table(
 ) -> pd.DataFrame:
     """Return runs as a table of candidates: start, length and a column for each fault.
 
-    start: row of the table of swimmers; length: frames. A fault of 1 is just acceptable. The faults
-    are those of all straight runs, and `special_faults`, by name, (k,) or one for all k runs.
+    The faults are those of all straight runs, and `special_faults`, by name, (k,) or one for all k
+    runs.
     """
     half = runs.frames // 2
     heading, speed = runs.values("heading", following=1), runs.values("speed")
@@ -378,10 +373,9 @@ def _crowding_fault(neighbour_bl: Reals, settings: SpritesSettings) -> Floats:
 def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
     """Return the candidates for a turn to one side: the film's strongest whole turns.
 
-    side: 1 left, −1 right; the result has the columns start (row of `table`), length (frames) and
-    one per fault. A turn is whole if all its frames are usable, it has frames before and after the
-    largest bend, and the heading changes. Weaker turns are included only if there are no stronger
-    ones: see `strong` in the settings.
+    A turn is whole if all its frames are usable, it has frames before and after the largest bend,
+    and the heading changes. Weaker turns are included only if there are no stronger ones: see
+    `strong` in the settings.
     """
     bend = side * table["bend"].to_numpy()
     turning = (table["type"] == side).to_numpy() & table["usable"].to_numpy()
@@ -408,7 +402,7 @@ def _find_substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
     """Return bends to one side that replace a missing whole turn: candidates with a single fault.
 
     Each lasts from one minimum of the bend to the next. The fault, "weaker", is how much weaker it
-    is than the strongest bend, as a share. side: 1 left, −1 right.
+    is than the strongest bend, as a share.
     """
     bends = []
     for span in _unbroken_row_slices(table):
@@ -453,9 +447,8 @@ def _measure_turn(
 ) -> dict[str, float] | None:  # fmt: skip
     """Return start, length and faults of the turn around a row; None if the turn is not whole.
 
-    A fault of 1 is just acceptable. start: its first row in `track`; length: its frames. track:
-    rows of the table of swimmers; bend: of each row, + = to the side; side: 1 left, −1 right;
-    peak_row: where the bend is largest; strongest_bend: of the film.
+    start: its first row in `track`; length: its frames. track: rows of the table of swimmers; bend:
+    of each row, + = to the side; peak_row: where the bend is largest; strongest_bend: of the film.
     """
     span = _find_turn_span(track, bend, side, peak_row, settings)
     if span is None:
@@ -530,16 +523,13 @@ def choose_frames(
 ) -> dict[str, ChosenFrames]:
     """Choose the film's frames for each sequence of sprites: those of the settings, else the best.
 
-    The result is by the names in `SEQUENCES`. table: from `swimmer_table`. A side without a turn
-    gets the opposite turn, mirrored. A film without a tail beat or a whole turn gets the best
-    substitute. FinloopError if the settings name frames that do not exist, or the fish never bends.
-    draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
-    delta_frames: the time Δ.
+    The result is by the names in `SEQUENCES`. A side without a turn gets the opposite turn,
+    mirrored. A film without a tail beat or a whole turn gets the best substitute. FinloopError if
+    the settings name frames that do not exist, or the fish never bends.
     """
     typical_sharpness = _measure_typical_sharpness(table, draw_pictures)
 
     def best_runs(sequence: str, candidates: pd.DataFrame) -> list[FrameRun]:
-        """Return the best candidates for one sequence, one of each track."""
         return best_runs_of_tracks(
             table, candidates, draw_pictures, typical_sharpness, settings,
             is_cycle=sequence not in SIDES,
@@ -575,8 +565,7 @@ def choose_frames(
 def _measure_typical_sharpness(table: pd.DataFrame, draw_pictures: DrawPictures) -> float:
     """Return the median sharpness of the film's fish, in a sample of its usable frames.
 
-    Without usable frames, any are taken. table: from `swimmer_table`; draw_pictures: draws the fish
-    of its rows, turned by headings [°].
+    Without usable frames, any are taken.
     """
     usable = np.flatnonzero(table["usable"])
     usable = usable if usable.size else np.arange(len(table))
@@ -623,8 +612,7 @@ def best_runs_of_tracks(
 
     candidates: from `find_tail_beats` and the like; typical_sharpness: the median of
     `measure_sharpness` over the film; is_cycle: whether the frame after the last should look like
-    the first. draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size,
-    channels).
+    the first.
     """
     if candidates.empty:
         return []
@@ -701,7 +689,6 @@ def choose_run_combination(
     log_appearance = np.log(_typical_appearance(table))
 
     def change_cost(track_a: int, track_b: int) -> float:
-        """Return what a change from one track to another costs."""
         if track_a == track_b:
             return 0.0
         difference = float(np.abs(log_appearance.loc[track_a] - log_appearance.loc[track_b]).mean())

@@ -19,8 +19,7 @@ from finloop.sprites.choice import (
 def sprite_orientation_table(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
     """Return the fish paper's Table 1 for the sprites: a row for each of their orientations.
 
-    sprites: schema `SPRITES`; features: the film's feature table. Motion areas are relative to the
-    film's largest in turns to that side.
+    Motion areas are relative to the film's largest in turns to that side.
     """
     count = count_orientations(sprites)
     types = [SIDES.get(sequence, STRAIGHT) for sequence in sprites["sequence"]]
@@ -52,9 +51,8 @@ def sprite_metrics(
 ) -> dict[str, float]:  # fmt: skip
     """Return the metrics of the chosen sprites, by their names in metrics.json.
 
-    sprites: schema `SPRITES`; table: a row for each fish in each frame, from `swimmer_table`;
-    features: the film's feature table; film_frames: how many frames the film has; rate_hz: frames
-    per second. Names with "before" speak of the film, those with "after" of the sprites.
+    table: from `swimmer_table`; film_frames: how many the film has. Names with "before" speak of
+    the film, those with "after" of the sprites.
     """
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     used = sprites[["track_id", "frame"]].drop_duplicates()
@@ -89,10 +87,9 @@ def cycle_metrics(
 ) -> dict[str, float]:
     """Return how far the tail swings [body lengths] in a cycle of sprites, and how well it closes.
 
-    The result has three metrics by name. sequence: "straight" or "slide". table: from
-    `swimmer_table`. Closure is the picture distance of the last frame, and of the one after it,
-    from the first, over the cycle's median step. It is missing if the track ends there.
-    draw_pictures: draws the fish of rows, turned by headings [°], as (n, size, size, channels).
+    The result has three metrics by name. sequence: "straight" or "slide". Closure is the picture
+    distance of the last frame, and of the one after it, from the first, over the cycle's median
+    step. It is missing if the track ends there.
     """
     start, stop = choice.run.rows.start, choice.run.rows.stop
     tail = table["tail"].to_numpy()[start:stop]

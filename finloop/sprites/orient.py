@@ -55,7 +55,7 @@ def sprite_table(
 ) -> pd.DataFrame:
     """Return the table of sprites (schema `SPRITES`): every chosen frame, its heading, its motion.
 
-    table: from `swimmer_table`; choices: the frames of each sequence.
+    table: from `swimmer_table`.
     """
     rows = pd.concat(
         [_sequence_rows(table, sequence, choice, settings) for sequence, choice in choices.items()]
@@ -122,8 +122,7 @@ def _drawn_headings(
 def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
     """Yield the pixels (with alpha) of every sprite in every orientation, for the store of sprites.
 
-    Their order is that of `sprite_store_row`. sprites: schema `SPRITES`; film: the cut-outs of all
-    rows.
+    Their order is that of `sprite_store_row`. film: the cut-outs of all rows.
     """
     for row in sprites.itertuples():
         cutout = film[row.row]
@@ -137,8 +136,7 @@ def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
 def sprite_outlines(reel: Reel) -> list[Floats]:
     """Return the convex hull (k, 2) of every sprite: px ahead and left of its mass centre.
 
-    reel: the film's cut-outs and the sprites. The px are those of the drawn animation, where all
-    fish are equally long.
+    The px are those of the drawn animation, where all fish are equally long.
     """
     hulls = []
     for number, row in enumerate(reel.sprites.itertuples()):
@@ -166,10 +164,9 @@ def turn_cutout(
 ) -> Cutout:
     """Return a cut-out, the pixels of a fish with alpha, turned about a point of the film.
 
-    x_px, y_px: that point; angle_deg: anticlockwise as seen. With `mirror_axis_deg` the cut-out is
-    first mirrored about the line of that direction through the point. Both are one resampling
-    (Lanczos, four lobes), trimmed to the visible pixels. A turn by 0, or by any angle that maps
-    pixels to pixels, is exact.
+    x_px, y_px: that point. With `mirror_axis_deg` the cut-out is first mirrored about the line of
+    that direction through the point. Both are one resampling (Lanczos, four lobes), trimmed to the
+    visible pixels. A turn by 0, or by any angle that maps pixels to pixels, is exact.
     """
     angle_deg %= 360
     if angle_deg == 0 and mirror_axis_deg is None:

@@ -83,6 +83,5 @@ class SpritesSettings:
     }
 
     def __post_init__(self) -> None:
-        """Refuse an empty range of tail swings."""
         if self.min_tail_swing_bl > self.max_tail_swing_bl:
             raise ValueError("min_tail_swing_bl is more than max_tail_swing_bl")
