@@ -49,10 +49,7 @@ def measure_movement(pose: Pose) -> Movement:
     """Return how far [body lengths] the body turns and bends from each of n poses to the next."""
 
     def measure_movement_from(rows: slice) -> Floats:
-        """Return how far the backbone moves from each of k rows to the row after it, (2, k).
-
-        The two lines are the fields of `Movement`, in body lengths.
-        """
+        """Return how far the backbone moves from each of k rows to the row after it, (2, k)."""
         batch = pose[rows.start : rows.stop + 1]
         # The backbones about their centres, headed right, a body length long; y points down.
         lines = batch.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
@@ -111,10 +108,7 @@ class Bodies:
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
 
     def sprite_direction_deg(self, orientation: int, rotation_deg: float) -> Floats:
-        """Return the direction [°] in which a sprite swims in an orientation, turned further.
-
-        orientation: 1 …; rotation_deg: by how much the sprite is turned further.
-        """
+        """Return the direction [°] in which a sprite swims in an orientation, turned further."""
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
@@ -151,7 +145,7 @@ class Bodies:
     def sprite_turn_deg(self, frame: Mask, number: Rows) -> Floats:
         """Return by how much [°] sprites (…) turn until the film's next frame; 0 for frames.
 
-        frame (…): whether each picture is a frame; number (…): its row or sprite number.
+        frame, number (…): as in `picture_bodies`.
         """
         _row, _mirrored, _heading, turn = self._sprite_bodies
         return np.where(frame, 0.0, turn[np.where(frame, 0, number)])

@@ -49,7 +49,7 @@ class EditInputs:
 def build_edit_list(swim: Swim, ticks: int, inputs: EditInputs, fish: int = 0) -> pd.DataFrame:
     """Return the edit list of one fish: what is drawn at each of the first ticks (schema `EDIT`).
 
-    swim: the animation; inputs: what can be shown; fish: number of the fish, from 0.
+    fish: its number, from 0.
     """
     table = pd.DataFrame(edit_columns(swim.stretches, swim.names, ticks, inputs))
     faded = table["weight"] > 0
@@ -65,7 +65,7 @@ def build_edit_list(swim: Swim, ticks: int, inputs: EditInputs, fish: int = 0) -
 def build_edit_lists(swims: Sequence[Swim], ticks: int, inputs: EditInputs) -> pd.DataFrame:
     """Return the edit list of several fish: what is drawn at every tick (schema `EDIT`).
 
-    Each fish has `ticks` rows, fish after fish; inputs: what can be shown.
+    Each fish has `ticks` rows, fish after fish.
     """
     lists = [build_edit_list(swim, ticks, inputs, fish) for fish, swim in enumerate(swims)]
     return lists[0] if len(lists) == 1 else pd.concat(lists, ignore_index=True)
@@ -114,8 +114,8 @@ def edit_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of `EDIT` that say what is drawn, as arrays without nulls.
 
-    names: of the goal of each stretch; inputs: what can be shown. The columns of the cross-fade's
-    partner have a meaning where `weight` > 0.
+    names: of the goal of each stretch. The columns of the cross-fade's partner have a meaning where
+    `weight` > 0.
     """
     lengths = np.array([len(stretch.trajectory) for stretch in stretches])
     stretch_of_tick = np.repeat(np.arange(len(stretches)), lengths)[:ticks]

@@ -16,7 +16,7 @@ D. Bollo, Inertialization: High-Performance Animation Transitions in "Gears of W
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,33 +28,24 @@ from finloop.features.table import wrap_deg
 
 _DECAY = 4.743865  # a with (1 + a) exp(−a) = 0.05: x(τ) without velocity falls to 5 % at τ = 1
 _LASTS = 2.0  # times the duration of a join, after which less than 0.1 % of its offset is left
-_SETTLING = (
-    3  # ticks more in which a join is taken to change pictures: the velocity before it counts
-)
+_SETTLING = 3  # ticks more that a join changes: the velocity before it counts, too
 
 
 class JoinTimes(Protocol):
-    """The parameters of joins, as in `animate`; Δ is the time over which motion is measured."""
+    """The parameters of joins, as in `animate`; Δ is the time over which motion is measured.
+
+    A join that is "auto" takes at least `join_frames` ticks, and `join_least` to `join_most` Δ. The
+    animal rests below the share `rest` of the film's movement.
+    """
+
+    join_frames: ClassVar[int]
+    join_least: ClassVar[float]
+    join_most: ClassVar[float]
+    rest: ClassVar[float]
 
     @property
     def join_time_deltas(self) -> Literal["auto"] | float:
         """Return the time of a join in Δ, or "auto": as long as the film's postures last."""
-
-    @property
-    def join_frames(self) -> int:
-        """Return the shortest time of a join that is "auto", in ticks."""
-
-    @property
-    def join_least(self) -> float:
-        """Return the shortest time of a join that is "auto", in Δ."""
-
-    @property
-    def join_most(self) -> float:
-        """Return the longest time of a join that is "auto", in Δ."""
-
-    @property
-    def rest(self) -> float:
-        """Return the share of the film's movement below which the animal rests."""
 
     @property
     def cross_fade_deltas(self) -> float:
@@ -110,8 +101,8 @@ class JoinRules:
 def resolve_join_rules(p: JoinTimes, kind: str, bodies: Bodies, delta: int) -> JoinRules:
     """Return how pictures are joined, with the times of the parameters converted to ticks.
 
-    p: times in Δ; kind: INERTIAL, FADE or CUT; bodies: the film's; delta: Δ in ticks. An automatic
-    join lasts as long as the film's postures.
+    kind: INERTIAL, FADE or CUT; delta: Δ in ticks. An automatic join lasts as long as the film's
+    postures.
     """
     if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
@@ -204,8 +195,7 @@ def _find_joins(drawn: Body, due: Body, frame: Mask, rules: JoinRules) -> tuple[
     """Return the ticks (k,) of joins, and at which ticks (ticks,) the animal moves.
 
     It does not move where it rests in the film and the film plays on. drawn (ticks,): the bodies in
-    the pictures shown; due (ticks,): what the film would show there; frame (ticks,): whether the
-    picture is a frame, else a sprite.
+    the pictures shown; due (ticks,): what the film would show there.
     """
     previous, current, due = (
         bodies.select(ticks)
@@ -226,9 +216,9 @@ def _remaining_offsets(
 ) -> tuple[Floats, Mask]:
     """Return what remains of the offsets of all joins, and at which ticks it may be drawn.
 
-    offset, velocity, and what remains, are (ticks, c + 1): c pose codes, then degrees. joins (k,):
-    their ticks; moves (ticks,): whether the animal moves. While it rests, offsets stay: the spring
-    knows only the ticks at which it moves. A mask (ticks,) marks where a join lasts.
+    offset, velocity, and what remains, are (ticks, c + 1): c pose codes, then degrees. While the
+    animal rests, offsets stay: the spring knows only the ticks at which it moves. A mask (ticks,)
+    marks where a join lasts.
     """
     offset_decay, velocity_decay = rules.spring_response()
     remaining = sum_past_values(offset_decay, offset[moves])
@@ -244,8 +234,8 @@ def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[
     """Return how far, at each join, what is due is from what is drawn; and the same of velocities.
 
     Both are due − drawn, (ticks, c + 1), 0 at other ticks: c pose codes (principal-component
-    scores), then the heading in degrees; velocities are per tick. drawn: bodies of all ticks; joins
-    (k,): their ticks; old (k,): bodies that are due, which the film would show there.
+    scores), then the heading in degrees; velocities are per tick. drawn: bodies of all ticks; old
+    (k,): those that the film would show at the joins.
     """
     new, ticks = drawn.select(joins), len(drawn.row)
     ahead = np.minimum(joins + 1, ticks - 1)  # the tick after each join

@@ -67,10 +67,7 @@ def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean of each measure over those fish that have it.
-
-    rows: measures by name, a row a fish.
-    """
+    """Return the mean of each measure over those fish that have it."""
     return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
 
 
@@ -121,8 +118,7 @@ def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
 def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
     """Return, by name, how large picture distances (k,) are, compared with the film's (l,).
 
-    Results: median and 95th percentile of `drawn` over the film's median, and the percentage above
-    the film's 95th percentile. name, plural: of what is measured, in the names of the results.
+    name, plural: of what is measured, in the names of the results.
     """
     film_median = float(np.median(film))
     return {
@@ -133,10 +129,7 @@ def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict
 
 
 def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
-    """Return the percentage of ticks in an unfilmed pose, and in a pose the film hardly shows.
-
-    shapes: principal shapes, which tell what the film shows.
-    """
+    """Return the percentage of ticks in an unfilmed pose, and in a pose the film hardly shows."""
     codes = [pose for pose in edit["pose"] if pose is not None]
     far_count = int(shapes.is_far_from_film(np.stack(codes).astype(float)).sum()) if codes else 0
     return {

@@ -89,7 +89,7 @@ class Pictures:
 def cross_fade_distance(row: Any, pictures: Pictures) -> float:
     """Return the Euclidean distance (Eq. 5) between the two pictures of a cross-fade.
 
-    row: a row of an edit list (what is drawn at every tick) as a named tuple, with `weight` > 0.
+    row: of an edit list, a named tuple, with `weight` > 0.
     """
     return float(paired_distances(pictures(*row_picture(row)), pictures(*row_partner(row))))
 
@@ -114,10 +114,7 @@ def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> p
 
 
 def drawn_step_distances(edit: pd.DataFrame, pictures: Pictures) -> Floats:
-    """Return the Euclidean distances (ticks − 1,) (Eq. 5) of the pictures of successive ticks.
-
-    Joins, poses and cross-fades are included.
-    """
+    """Return the Euclidean distances (ticks − 1,) (Eq. 5) of the pictures of successive ticks."""
     pairs = pairwise(draw_edit_list(edit, pictures))
     return np.array([float(paired_distances(after, before)) for before, after in pairs])
 

@@ -27,13 +27,14 @@ SPRITE, FRAME = "sprite", "frame"
 INERTIAL, FADE, CUT = "inertial", "fade", "cut"
 """Joins: posture and heading go on and die away, the pictures are mixed, or nothing of both."""
 
-TERMS = (
-    "seam", "repeat", "rarity", "lag", "path", "time", "to_come", "chance",
-)  # fmt: skip
+TERMS = ("seam", "repeat", "rarity", "lag", "path", "time", "to_come", "chance")
 """The terms of a cost: the seams of jumps; film that was on screen just now; steps that the film
 seldom shows; lag behind the film's speed; deviation from the path in place, time and heading, and
 corrections; the ticks taken; an estimate of what is still to come; and a random part, so that
 candidates of about equal cost are all taken."""
+
+TESTS = ("tank", "quadrant", "heading")
+"""The tests of Fig. 19, in their order."""
 
 EDIT = Schema(
     Column("fish", "int16", "1"),
@@ -63,15 +64,8 @@ EDIT = Schema(
     Column("seam", "float32", "median step of the film", nullable=True),
     Column("value_s", "float32", "s", nullable=True),
     Column("quadrant", "int8", "1", nullable=True),
-    *columns(
-        "int16",
-        "1",
-        "candidates",
-        "candidates_tank",
-        "candidates_quadrant",
-        "candidates_heading",
-        nullable=True,
-    ),
+    Column("candidates", "int16", "1", nullable=True),
+    *columns("int16", "1", *(f"candidates_{test}" for test in TESTS), nullable=True),
     Column("turn_deg", "float32", "deg", nullable=True),
     *columns("float32", "1", "sprite_area", "room", nullable=True),
     Column("film_speed", "float32", "body length/s", nullable=True),
@@ -114,7 +108,7 @@ STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "fore
 PATH = "path"
 """The goal of a fish that follows a path."""
 
-VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
+VERDICTS = ("", *TESTS, "passed over")
 """What becomes of a candidate: "" where it passes the tests of Fig. 19, else the test that it
 fails, or "passed over" where cheaper ones displaced it in the search. "tank" is also the verdict
 where another fish is met."""

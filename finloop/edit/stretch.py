@@ -157,10 +157,7 @@ def describe_decision(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
-    """Return in words what the fish does next and why, but not why it leaves the film.
-
-    goal: its name, or "a place"; motion_area: the relative one that the network asked for.
-    """
+    """Return in words what the fish does next and why, but not why it leaves the film."""
     if decision.reason == TURNING:
         side, room = "left" if decision.turn_deg > 0 else "right", ""
         if decision.room < 1:
@@ -169,10 +166,13 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
             f"turn {side} {abs(decision.turn_deg):.0f}° towards {goal}: the network asks for "
             f"motion area {motion_area:.2f}, the sprites have {decision.sprite_area:.2f}{room}"
         )
+    cause = f"no candidate stays in the tank ({_describe_candidates(decision)})"
+    if decision.taken_terms:
+        cause = f"turn first{_describe_costs(decision)}"
     texts = {
         PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
         WALL: "a wall is ahead",
-        SPOT: f"on the spot: {_describe_cause_of_staying(decision)}",
+        SPOT: f"on the spot: {cause}",
         WAITING: "other fish are in the way: wait",
         AS_PREDICTED: f"as predicted{_describe_costs(decision)}",
     }
@@ -186,13 +186,6 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
     quadrant = decision.quadrant
     direction = f"quadrant {quadrant} towards {goal}" if quadrant else f"along a {goal}"
     return f"{actions[decision.reason]}: {direction}{_describe_costs(decision)}"
-
-
-def _describe_cause_of_staying(decision: Decision) -> str:
-    """Return in words why a fish stays on the spot: to turn there first, or as it must."""
-    if decision.taken_terms:
-        return f"turn first{_describe_costs(decision)}"
-    return f"no candidate stays in the tank ({_describe_candidates(decision)})"
 
 
 def _describe_costs(decision: Decision) -> str:
