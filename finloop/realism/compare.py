@@ -53,8 +53,8 @@ class FilmSample:
     @property
     def window_cut(self) -> WindowCut:
         """Return how windows are cut, in frames; the parameters give these times in Δ."""
-        p = self.p
-        return window_cut_from_deltas(p.window_deltas, p.stride, p.step, self.delta)
+        length, stride = self.p.window_deltas, self.p.window_deltas / self.p.windows_per_length
+        return window_cut_from_deltas(length, stride, self.p.step, self.delta)
 
     def cut_windows(self, swimming: Swimming, blocks: Blocks, used: Mask | None = None) -> Windows:
         """Return windows of film or animation, each assigned to a block of time.
@@ -63,7 +63,9 @@ class FilmSample:
         frame of the film belongs to one of the `blocks` of the film's time; one with a sprite to a
         block of the time that the animation has played.
         """
-        p, gap_s = self.p, self.p.gap * self.delta / self.rate_hz
+        p = self.p
+        # A classifier learns nothing within a window's length of its block.
+        gap_s = p.window_deltas * self.delta / self.rate_hz
         is_frame, played_s = swimming.row >= 0, swimming.time_s
         film_s = self.frame_s[np.where(is_frame, swimming.row, 0)]
         played_blocks = equal_blocks(played_s, p.cross_validation_folds)
@@ -76,7 +78,7 @@ class FilmSample:
         )  # fmt: skip
         # Clusters of sprites have negative numbers, which differ from those of the film.
         tick = np.round(played_s * self.rate_hz).astype(np.int64)
-        cluster_ticks = max(1, round(p.cluster * self.delta))
+        cluster_ticks = max(1, round(p.windows_per_cluster * p.window_deltas * self.delta))
         cluster = np.where(is_frame, swimming.row // cluster_ticks, -1 - tick // cluster_ticks)
         rows = np.arange(len(is_frame)) if used is None else np.flatnonzero(used)
         ticks = TickBlocks(block[rows], near[rows], cluster[rows])
@@ -113,8 +115,7 @@ class FilmSample:
         """Return the two sets of windows that each comparison distinguishes, by its name.
 
         The names are the modes, each beside the film; HALVES, the film's halves; AGAIN, the film as
-        filmed beside the film drawn and measured again. measured: each mode's animation. features:
-        the feature table of the film.
+        filmed beside the film drawn and measured again. measured: each mode's animation.
         """
         film = self.film
         filmed_table = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
@@ -131,8 +132,7 @@ def build_film_sample(
 ) -> FilmSample:
     """Return what every comparison of an animation with the film needs to know of the film.
 
-    film: drawn and measured again. features: columns of `FEATURES`, of the whole film. rate_hz:
-    frames per second.
+    film: drawn and measured again. features: columns of `FEATURES`, of the whole film.
     """
     frame_s, largest = features["frame"].to_numpy(float) / rate_hz, film.table["motion_area"].max()
     return FilmSample(film, frame_s, float(largest), rate_hz, infer_delta_frames(features), p)
@@ -174,8 +174,8 @@ def classify_windows(
 ) -> Verdict:
     """Train classifiers on two sets of windows; return how well they distinguish them.
 
-    window_pair: two sets, the film's first. by_channel: whether to classify also by each channel
-    alone. FinloopError if a block has too few windows of either set to test and to learn from.
+    window_pair: the film's set first. by_channel: whether to classify also by each channel alone.
+    FinloopError if a block has too few windows of either set to test and to learn from.
     """
     _require_enough_windows(window_pair, p)
     channels = tuple(range(len(CHANNELS)))
@@ -209,9 +209,8 @@ def _require_enough_windows(window_pair: tuple[Windows, Windows], p: RealismSett
 def verdict_table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
     """Return the verdicts as a table: a row per comparison and channel, channel "all" first.
 
-    verdicts: by the name of the comparison. Columns: compared, channel; auc, low, high: the area
-    under the ROC curve and its 95 % interval; lost: area lost when the channel is shuffled, NaN for
-    "all".
+    Columns: compared, channel; auc, low, high: the area under the ROC curve and its 95 % interval;
+    lost: area lost when the channel is shuffled, NaN for "all".
     """
     rows = []
     for name, verdict in verdicts.items():
@@ -223,7 +222,7 @@ def verdict_table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
 def auc_metrics(verdicts: dict[str, Verdict]) -> dict[str, float]:
     """Return the AUCs as metrics by name: `<name>_auc`, `_auc_low`, `_auc_high`, `_<channel>_auc`.
 
-    verdicts: by the name of the comparison. Low and high are the ends of the 95 % interval.
+    Low and high are the ends of the 95 % interval.
     """
     metrics: dict[str, float] = {}
     for name, verdict in verdicts.items():

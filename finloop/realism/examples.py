@@ -59,9 +59,9 @@ def most_false_windows(
 ) -> list[WindowPair]:
     """Return the animation windows with the highest scores, each with the most similar film window.
 
-    No two animation windows touch. score (n,): held-out, of the animation windows, NaN where there
-    is none. count: most pairs. length: rows of a window. The most similar window has the least sum
-    of squared differences of the channels, in the film's standard deviations.
+    No two animation windows touch. score (n,): held-out, NaN where there is none. length: rows of a
+    window. The most similar window has the least sum of squared differences of the channels, in the
+    film's standard deviations.
     """
     deviations = film.x.std(axis=(0, 1)) + 1e-9
     pairs: list[WindowPair] = []
@@ -81,10 +81,10 @@ def find_examples(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:  # fmt: skip
     """Return the most obviously false windows of all modes as tables `EXAMPLES` and `CURVES`.
 
-    Each stands beside the film window most like it. EXAMPLES are edit lists, CURVES their channels
-    over time. works, measured: the edit lists, and the swimming that extraction measured in them,
-    by mode, and by FILM for the film. sides, verdicts: windows and results by the name of the
-    comparison; only modes give examples. The tables are empty if there are none.
+    Each stands beside the film window most like it. works, measured: the edit lists, and the
+    swimming that extraction measured in them, by mode, and by FILM for the film. sides, verdicts:
+    windows and results by the name of the comparison; only modes give examples. The tables are
+    empty if there are none.
     """
     cut, numbers = sample.window_cut, count()
     time_s = (np.arange(cut.length // cut.step) + 0.5) * (cut.step / sample.rate_hz)
@@ -151,7 +151,7 @@ def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraVie
     """Return the view of the tank for each side of an example, animation and film, by its name.
 
     Each shows the whole path of its fish, and both are equally wide in body lengths of their fish.
-    example: rows of `EXAMPLES`; length_px: body length as filmed.
+    length_px: body length as filmed.
     """
     sides = example.groupby("side")
     low, high = sides[["x_px", "y_px"]].min(), sides[["x_px", "y_px"]].max()
@@ -175,8 +175,7 @@ def draw_strip(
     """Return `count` pictures of a fish side by side, spread over some ticks of an edit list.
 
     edit: the ticks, with the column start_deg, the heading that points right in the pictures.
-    length_px: body length as filmed. size_px: width of a picture. The result is (size_px, count ×
-    size_px, 3).
+    length_px: body length as filmed. The result is (size_px, count × size_px, 3).
     """
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))
@@ -193,8 +192,8 @@ def draw_example(
 ) -> Iterator[Picture]:
     """Yield the frames of an example's film: animation left, film right, titles above.
 
-    example: rows of `EXAMPLES`. tank: the empty tank. length_px: body length as filmed. size_px:
-    width of each side. Frames are (size_px + WORDS_PX, 2 size_px, 3).
+    length_px: body length as filmed. size_px: width of each side. Frames are (size_px + WORDS_PX, 2
+    size_px, 3).
     """
     views, first = _fixed_views(example, length_px), example.iloc[0]
 

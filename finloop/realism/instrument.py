@@ -97,7 +97,7 @@ class Instrument:
     def detect_fish(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
         """Yield what extraction detects in a frame of each fish, drawn on the empty tank.
 
-        fish: the drawn fish, one per frame. Places in the result are px of the tank.
+        Places in the result are px of the tank.
         """
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
@@ -131,7 +131,6 @@ def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
     """Return detections in px of the tank, from px of a part whose upper left pixel is x, y."""
 
     def shift_fish(fish: SegmentedFish) -> SegmentedFish:
-        """Return a fish with all its places shifted."""
         offset = np.array([x, y])
         return replace(
             fish, x_px=fish.x_px + x, y_px=fish.y_px + y, x0=fish.x0 + x, y0=fish.y0 + y,
@@ -169,8 +168,7 @@ def join_measurements(
 ) -> Swimming:
     """Return the feature tables measured from several edit lists, joined in their order.
 
-    Tracks get unique numbers. edits: the lists; tables: of each, its `frame` is the tick; rate_hz:
-    ticks per second.
+    Tracks get unique numbers. tables: one for each of `edits`; their `frame` is the tick.
     """
     tables_so_far, rows, ticks_before, tracks_before = [], [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
@@ -210,8 +208,7 @@ def measure_edit_list(
 ) -> pd.DataFrame:
     """Return the feature table that extraction measures in the drawn frames of one edit list.
 
-    open_pictures: opens the cut-outs (pixels of the fish). job: how and what to measure; one
-    argument, so that it can be sent to another process.
+    job: how and what to measure; one argument, so that it can be sent to another process.
     """
     instrument, (edit, cuts) = job
     with open_pictures() as gallery:

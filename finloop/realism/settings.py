@@ -19,6 +19,8 @@ class RealismSettings:
     examples: Annotated[int, Field(ge=0)]
     seed: Seed
 
+    windows_per_length: ClassVar[int] = 4  # that begin within the length of one
+    windows_per_cluster: ClassVar[int] = 5  # windows in whose time all count as one observation
     step: ClassVar[float] = 0.2  # Δ; channels are means over it, of a frame at least
     leaves: ClassVar[int] = 8  # of a tree, at most; small trees do not learn single windows
     leaf_windows: ClassVar[int] = 10  # in a leaf, at least; a leaf of fewer is chance
@@ -29,18 +31,3 @@ class RealismSettings:
         "blocks": "cross_validation_folds",
         "rounds": "classifier_trees",
     }
-
-    @property
-    def stride(self) -> float:
-        """Return the time between the starts of two windows, a quarter of a window, in Δ."""
-        return self.window_deltas / 4
-
-    @property
-    def gap(self) -> float:
-        """Return the time around a block from which its classifier must not learn, in Δ."""
-        return self.window_deltas
-
-    @property
-    def cluster(self) -> float:
-        """Return the time in which windows count as one observation, five windows, in Δ."""
-        return 5 * self.window_deltas

@@ -47,7 +47,6 @@ class Windows:
     cluster: Ints
 
     def __len__(self) -> int:
-        """Return the number of windows."""
         return len(self.x)
 
 
@@ -101,7 +100,7 @@ def window_cut_from_deltas(
 ) -> WindowCut:
     """Return window, stride and step in frames, converted from units of the time Δ.
 
-    A window is a whole number of steps. delta: Δ in frames.
+    delta: Δ in frames.
     """
     step = max(1, round(step_deltas * delta))
     length = step * max(1, round(window_deltas * delta / step))
@@ -142,9 +141,8 @@ def cut_windows(
 ) -> Windows:
     """Return measured swimming cut into windows of channels; no window crosses from track to track.
 
-    table: columns of `FEATURES`, track by track. ticks: blocks and clusters of the same rows. cut:
-    lengths in frames. A window belongs to the block of most of its ticks. rate_hz: ticks per
-    second. largest: motion area of the film's most bent fish, in squares of a body length.
+    table: columns of `FEATURES`, track by track. ticks: of the same rows. A window belongs to the
+    block of most of its ticks. rate_hz, largest: as in `track_channels`.
     """
     # The channels of the windows, and the rows with which they begin.
     x, first = [np.zeros((0, cut.length // cut.step, len(CHANNELS)))], [np.zeros(0, np.intp)]
