@@ -265,8 +265,8 @@ def _add_seed_lines(
 ) -> None:  # fmt: skip
     """Add a point for each run to a panel, and a thin line through the runs with the same seeds.
 
-    cell: row and col of the panel. places, values, seeds: of the runs, with the same index: x, y,
-    and a text that is equal for runs with the same seeds.
+    cell: row and col of the panel. places, values: of the runs, x and y. seeds: equal for runs with
+    the same seeds.
     """
     points: list[tuple[float, float, str]] = []
     for _, seed_values in values.groupby(seeds):
@@ -437,7 +437,7 @@ def _preview_uris(
 ) -> dict[str, tuple[str, str]]:
     """Return picture and film of each experiment's first run as data URIs, by experiment.
 
-    previews: of some runs, by the name of the run; other experiments are left out.
+    Experiments without a preview are left out.
     """
     uris = {}
     for name, run in zip(comparison.parameters.index, comparison.first_runs, strict=True):

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import scipy
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Mask
 from finloop.report.headlines import HEADLINES, HIGHER, LOWER
 from finloop.report.tables import MEASURES, format_number
 
@@ -34,8 +34,6 @@ _OTHER_DIRECTIONS = {
     "turn_area_missed_median": LOWER,
 }
 """Endings of measures of `animate` that neither HEADLINES nor MEASURES give a direction."""
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class Effect(NamedTuple):
@@ -55,7 +53,7 @@ class Effect(NamedTuple):
     means: Floats
     spread: float
     size: float
-    best: Flags
+    best: Mask
     verdict: str
 
 
@@ -75,9 +73,8 @@ def good_direction(measure: str) -> str:
 def _good_direction_of_mode(name: str) -> str:
     """Return HIGHER or LOWER where that is better for a number `<mode>_<measure>`, else "".
 
-    The beginning of the measure's target in the report says it, such as "≥"; a target that begins
-    otherwise has no direction. A measure without a target may stand in `_OTHER_DIRECTIONS`, there
-    without the `trials_` of random goals.
+    The beginning of the measure's target in the report says it, such as "≥". A measure without a
+    target may stand in `_OTHER_DIRECTIONS`, there without the `trials_` of random goals.
     """
     key = name.partition("_")[2]  # after the mode
     targets = {measure.key: measure.target for measure in MEASURES}
@@ -207,11 +204,10 @@ def _describe_effect(effect: Effect, good: str, number_count: int) -> str:
     return f"least at {effect.values[least]} ({low}), most at {effect.values[most]} ({high}){doubt}"
 
 
-def _describe_values(values: Sequence[str], chosen: Flags, number_count: int) -> str:
+def _describe_values(values: Sequence[str], chosen: Mask, number_count: int) -> str:
     """Return which values are chosen: "at 0.2", "between 0.2 and 0.5", "at 0.2, 1 and auto".
 
-    chosen: a mask of the values, of which at least one is chosen. number_count: how many values are
-    numbers; these come first and rise.
+    chosen: a mask of the values, not all False. number_count: as in `_describe_effect`.
     """
     indices = np.flatnonzero(chosen)
     numbers = indices[indices < number_count]

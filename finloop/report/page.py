@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from jinja2 import Environment, StrictUndefined
-from numpy.typing import NDArray
 from PIL import Image
 
-Picture = NDArray[np.uint8]
+from finloop.base.arrays import Picture
+
 _METHOD = 4  # of WebP: 6 takes twice as long for 2 % less
 
 

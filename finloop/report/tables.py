@@ -121,7 +121,7 @@ def table_of_data_frame(frame: pd.DataFrame, caption: str, digits: int = 4) -> T
 def headline_table(numbers: Mapping[str, float], stage: str) -> Table:
     """Return a stage's headline numbers as a table: name, value, meaning, good direction.
 
-    numbers: those of the stage, by name. Headlines without a value are left out.
+    Headlines without a value are left out.
     """
     rows = []
     for name, meaning, good in HEADLINES[stage]:
