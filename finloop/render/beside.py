@@ -59,9 +59,8 @@ def _draw_panels(
 ) -> Iterator[tuple[Picture, str]]:
     """Yield, for each tick of an edit list, a panel: a square picture and the kind of its picture.
 
-    The fish is in the middle. The kind is a key of `COLOURS`, such as "film". floor: the empty
-    tank; half_px: how far a panel shows it on each side of the fish, px of the tank; size: side of
-    a panel, px.
+    The kind is a key of `COLOURS`, such as "film". half_px: how far a panel shows the tank on each
+    side of the fish; size: side of a panel, px.
     """
     painter, kinds = Painter(floor, colour=True), picture_kinds(edit)
     middle = (size - 1) / 2

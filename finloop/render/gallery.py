@@ -62,8 +62,7 @@ class Gallery:
     ) -> PaddedPicture:
         """Return a stored cut-out as a picture to draw; mirrored: left and right exchanged.
 
-        kind: FRAME or SPRITE; source: film row, or number of the sprite; orientation: that of a
-        sprite, from 1.
+        kind, source, orientation: columns of `EDIT`.
         """
         cutout_set = self.cutout_sets[kind]
         cutout = cutout_set.store[sprite_store_row(source, orientation, cutout_set.orientations)]
@@ -83,9 +82,8 @@ class Gallery:
     ) -> TurnedPicture:  # fmt: skip
         """Return a frame, or a sprite in an orientation, turned and scaled as it is drawn.
 
-        kind: FRAME or SPRITE; source: film row, or number of the sprite; orientation: of a sprite;
-        rotation_deg: anticlockwise; mirrored: whether a frame is reflected about its heading;
-        sprites are stored as they are shown.
+        The arguments are columns of `EDIT`. mirrored: whether a frame is reflected about its
+        heading; sprites are stored as they are shown.
         """
         if kind != FRAME:
             return TurnedPicture(
@@ -138,9 +136,8 @@ def build_cutout_sets(
 ) -> dict[str, CutoutSet]:
     """Return all cut-outs with their mass centres, by kind: FRAME, and SPRITE if there are sprites.
 
-    stores: cut-outs (pixels of a fish with alpha) by kind; tracks: x_px, y_px of the fish in every
-    frame; sprites: the table of sprites, None without sprites. FinloopError if a table and its
-    store differ in their number of pictures.
+    stores: by kind; tracks: x_px, y_px of the fish in every frame; sprites: their table, if there
+    are any. FinloopError if a table and its store differ in their number of pictures.
     """
     cutout_sets = {FRAME: CutoutSet(stores[FRAME], tracks[PLACE].to_numpy())}
     if sprites is not None:
@@ -235,8 +232,7 @@ def _find_bad_pictures(
     """Yield the checks of an edit list's pictures: kind, number, orientation, size and angle.
 
     prefix, source_column: "" and "source" for the columns of the main picture, "partner_" and
-    "partner" for the one to cross-fade with; used (n,): the rows that show such a picture;
-    cutout_sets: the pictures that exist, by kind.
+    "partner" for the one to cross-fade with; used (n,): the rows that show such a picture.
     """
     kind, number = edit[f"{prefix}kind"], edit[source_column].fillna(-1).to_numpy(int)
     sizes = {name: len(cutout_set.centres_px) for name, cutout_set in cutout_sets.items()}

@@ -360,8 +360,7 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
     """Return where pixel (x, y) lies in a picture, (u, v), and whether it can be sampled there.
 
     It can if the pixels −1, 0, 1 and 2 from (u, v) on, which the cubic kernel reads, lie in the
-    picture. m: six coefficients, u = m0 x + m1 y + m2, v = m3 x + m4 y + m5; shape: height and
-    width of the picture.
+    picture. m: as in `PictureLayer`; shape: height and width of the picture.
     """
     u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
     return u, v, 1 <= u < shape[1] - 2 and 1 <= v < shape[0] - 2
@@ -371,8 +370,7 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
 def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
     """Cross-fade two pictures over the canvas, which changes: (1 − share) fish + share partner.
 
-    canvas: (H, W, 1 or 3) uint8; box: the `Box` of pixels to draw; fish, partner: a `PictureLayer`
-    each; share: 0 … 1.
+    canvas: (H, W, 1 or 3) uint8; box: a `Box`; fish, partner: a `PictureLayer` each; share: 0 … 1.
     """
     # Unpacked here: within the loop every access to a tuple would count its references.
     pixels, near, m = fish
@@ -425,7 +423,7 @@ def _draw_turned(
 ) -> Box:
     """Draw a turned picture on a canvas, which changes; return its box.
 
-    x_px, y_px: of the mass centre; other: fades in with the share `share`, 0 … 1.
+    The arguments are those of `_draw_bent`.
     """
     visible = [picture for picture, w in ((fish, 1 - share), (other, share)) if w > 0]
     boxes = (picture.box_at(x_px, y_px) for picture in visible)

@@ -27,9 +27,7 @@ class FrameChangeMeter:
     def measure_change(self, box: Box) -> float:
         """Return how much the canvas has changed since the last call; NaN at the first call.
 
-        The change is the Euclidean distance of the two whole pictures, in grey levels. In colour,
-        the difference at a pixel is the root mean square of the differences of its channels. box:
-        encloses all that is drawn now; outside of it the canvas shows the empty floor.
+        box: encloses all that is drawn now; outside of it the canvas shows the empty floor.
         """
         canvas, last = self._painter.canvas, self._last
         self._last = box, canvas[box.slices].copy()
@@ -50,7 +48,6 @@ def film_frame_changes(
 ) -> NDArray[np.float64]:
     """Return how much the fish change from frame to frame of the film, (n,), in grey levels.
 
-    A change is the Euclidean distance of two whole pictures (`FrameChangeMeter`).
     tracks: track_id, frame and mass centre, a row per frame; most: largest number n of pairs of
     consecutive frames, spread over the film. Each fish is drawn alone on the painter's floor.
     """
