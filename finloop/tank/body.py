@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Floats = NDArray[np.floating]
+from finloop.base.arrays import Reals
 
 RINGS = 56
 _HALF_DEG = (0, 7, 22, 42, 62, 80, 100, 118, 138, 158, 173, 180)  # from the back down to the belly
@@ -45,11 +45,11 @@ class SurfaceGrid:
     width is left; 0 at the end of the tail fin.
     """
 
-    place: Floats
-    along: Floats
-    s: Floats
-    angle: Floats
-    width_share: Floats
+    place: Reals
+    along: Reals
+    s: Reals
+    angle: Reals
+    width_share: Reals
 
 
 @lru_cache
@@ -60,16 +60,15 @@ def surface_grid(backbone_points: int) -> SurfaceGrid:
     return build_surface_grid(_ring_places(), around, backbone_points)
 
 
-def _ring_places() -> Floats:
+def _ring_places() -> Reals:
     """Return where the rings lie, (RINGS,), 0-1 from head to tail: closer together at both ends."""
     return (1 - np.cos(np.pi * np.linspace(0, 1, RINGS))) / 2
 
 
-def build_surface_grid(ring: Floats, angle: Floats, points: int) -> SurfaceGrid:
+def build_surface_grid(ring: Reals, angle: Reals, points: int) -> SurfaceGrid:
     """Return the surface grid with given rings along the body and angles around it.
 
-    ring (r,): place along the body, 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0; points:
-    how many a backbone has.
+    ring (r,): 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0; points: of a backbone.
     """
     s, angle = np.meshgrid(ring, angle, indexing="ij")
     tail_share = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)  # 0 where the tail fin begins
@@ -83,7 +82,7 @@ def build_surface_grid(ring: Floats, angle: Floats, points: int) -> SurfaceGrid:
     return SurfaceGrid(place, along, s, angle, width_share)
 
 
-def typical_half_widths(half_width: Floats, backbone: Floats) -> Floats:
+def typical_half_widths(half_width: Reals, backbone: Reals) -> Reals:
     """Return the median half width (p,) along the body over n pictures, in body lengths.
 
     half_width (n, p), backbone (n, p, 2): px, at p points from head to tail.
@@ -91,14 +90,14 @@ def typical_half_widths(half_width: Floats, backbone: Floats) -> Floats:
     return np.median(half_width / arc_lengths(backbone)[:, None], axis=0)
 
 
-def arc_lengths(backbone: Floats) -> Floats:
+def arc_lengths(backbone: Reals) -> Reals:
     """Return the arc lengths (n,) of backbones (n, p, 2), in the unit of their points."""
     return np.linalg.norm(np.diff(backbone, axis=1), axis=-1).sum(-1)
 
 
 def fish_surfaces(
-    backbone: Floats, half_width: Floats, typical: Floats, length_px: float
-) -> tuple[Floats, Floats]:
+    backbone: Reals, half_width: Reals, typical: Reals, length_px: float
+) -> tuple[Reals, Reals]:
     """Return the surfaces of n fish: points (px) and unit normals, (n, RINGS, AROUND, 3).
 
     backbone (n, p, 2), half_width (n, p): px; y up; backbones lie at z = 0. typical (p,): the
@@ -106,7 +105,7 @@ def fish_surfaces(
     """
     grid = surface_grid(half_width.shape[1])
 
-    def along_body(profile: dict[float, float]) -> Floats:
+    def along_body(profile: dict[float, float]) -> Reals:
         """Return values at the grid's points, interpolated from those by place along the body."""
         return scipy.interpolate.PchipInterpolator(list(profile), list(profile.values()))(grid.s)
 
@@ -122,19 +121,19 @@ def fish_surfaces(
     return points, surface_normals(points)
 
 
-def limit_half_widths(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
+def limit_half_widths(half_width: Reals, backbone: Reals, typical: Reals) -> Reals:
     """Return half widths (n, p), px, limited to ±20 % around the typical ones: without fins.
 
-    backbone (n, p, 2): px; typical (p,): the animal's median half widths, in body lengths.
+    typical (p,): the animal's median half widths, in body lengths.
     """
     typical_px = typical * arc_lengths(backbone)[:, None]
     return np.clip(half_width, (1 - _NEAR) * typical_px, (1 + _NEAR) * typical_px)
 
 
-def top_view_points(grid: SurfaceGrid, backbone: Floats, half_width: Floats) -> Floats:
+def top_view_points(grid: SurfaceGrid, backbone: Reals, half_width: Reals) -> Reals:
     """Return a surface grid's points on n backbones as seen from above, (n, r, a, 2) px.
 
-    backbone (n, p, 2), half_width (n, p): px; r, a: rings along the body, and points around it.
+    r, a: rings along the body, and points around it.
     """
     shape = (len(backbone), *grid.s.shape, 2)
     line = (grid.place @ backbone).reshape(shape)
@@ -149,7 +148,7 @@ def top_view_points(grid: SurfaceGrid, backbone: Floats, half_width: Floats) -> 
     return line + across[..., None] * left
 
 
-def surface_normals(points: Floats) -> Floats:
+def surface_normals(points: Reals) -> Reals:
     """Return outward unit normals of surfaces, both (n, RINGS, AROUND, 3).
 
     Where the surface shrinks to a point, as at the snout, the normal points ahead.

@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Floats = NDArray[np.floating]
+from finloop.base.arrays import Reals
 
 TOP, SIDE, CORNER, FOLLOW, ORBIT, TOUR = "top", "side", "corner", "follow", "orbit", "tour"
 PRESETS = (TOP, SIDE, CORNER, FOLLOW)
@@ -29,8 +28,8 @@ class CameraViews(NamedTuple):
     half_height_px: half the height of what a parallel view shows; None: the view is perspective.
     """
 
-    place: Floats
-    aim: Floats
+    place: Reals
+    aim: Reals
     half_height_px: float | None = None
 
 
@@ -47,25 +46,25 @@ class TankSize(NamedTuple):
     aspect: float = 16 / 9
 
     @property
-    def corners(self) -> Floats:
+    def corners(self) -> Reals:
         """Return the four corners of the film on the floor, (4, 2) px, anticlockwise, y up."""
         left, top = -0.5, 0.5  # the film's first pixel has its centre at 0, 0
         right, bottom = left + self.width, top - self.height
         return np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
 
     @property
-    def middle(self) -> Floats:
+    def middle(self) -> Reals:
         """Return the middle of the water, (3,) px: x right, y up (below 0), z above the floor."""
         return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
 
 
 def camera_views(
-    camera: str, tank: TankSize, fish: Floats, heading: Floats, rate_hz: float
+    camera: str, tank: TankSize, fish: Reals, heading: Reals, rate_hz: float
 ) -> CameraViews:
     """Return the place and the aim of a camera, one of CAMERAS, at every tick.
 
     fish (ticks, 3), heading (ticks,): place [px], and direction [rad] without jumps of 2π, of the
-    fish that some cameras follow. rate_hz: ticks per second. Angles are chosen for the looks.
+    fish that some cameras follow. Angles are chosen for the looks.
     """
     ticks = len(fish)
     if camera == TOP:
@@ -85,7 +84,7 @@ def camera_views(
     return _view_touring(tank, fish, heading, rate_hz)
 
 
-def _view_from_outside(tank: TankSize, azimuth_deg: Floats, elevation_deg: float) -> CameraViews:
+def _view_from_outside(tank: TankSize, azimuth_deg: Reals, elevation_deg: float) -> CameraViews:
     """Return views from outside, as near as possible with the whole tank in the picture.
 
     azimuth_deg (ticks,), elevation_deg: direction from the tank to the camera, anticlockwise from
@@ -115,12 +114,11 @@ def _view_from_outside(tank: TankSize, azimuth_deg: Floats, elevation_deg: float
 
 
 def _view_following_fish(
-    tank: TankSize, fish: Floats, heading: Floats, rate_hz: float
+    tank: TankSize, fish: Reals, heading: Reals, rate_hz: float
 ) -> CameraViews:
     """Return views from behind, above and beside a fish, smoother than its path.
 
-    fish (ticks, 3): its place, px; heading (ticks,): rad; rate_hz: ticks per second. Angle and
-    distances are chosen for the looks.
+    Angle and distances are chosen for the looks.
     """
     smoothing = _SMOOTHING_S * rate_hz  # ticks, SD
     # The camera keeps closer to the fish's place than to its heading: quick turns are not followed.
@@ -130,11 +128,8 @@ def _view_following_fish(
     return CameraViews(path + 2.5 * tank.body_length * back, path - (0, 0, 0.33 * tank.body_length))
 
 
-def _view_from_side(tank: TankSize, fish: Floats, rate_hz: float) -> CameraViews:
-    """Return views from beyond the film's lower edge, which move along with the fish.
-
-    fish (ticks, 3): its place, px; rate_hz: ticks per second.
-    """
+def _view_from_side(tank: TankSize, fish: Reals, rate_hz: float) -> CameraViews:
+    """Return views from beyond the film's lower edge, which move along with the fish."""
     smoothing = _SMOOTHING_S * rate_hz  # ticks, SD
     path = scipy.ndimage.gaussian_filter1d(fish, smoothing, axis=0, mode="nearest")
     place = path + np.array([0.7, -5.2, 0.0]) * tank.body_length  # chosen for the looks
@@ -142,11 +137,8 @@ def _view_from_side(tank: TankSize, fish: Floats, rate_hz: float) -> CameraViews
     return CameraViews(place, path - (0, 0, 0.1 * tank.depth))
 
 
-def _view_touring(tank: TankSize, fish: Floats, heading: Floats, rate_hz: float) -> CameraViews:
-    """Return views that pass smoothly from one of `_SCENES` to the next, again and again.
-
-    fish (ticks, 3), heading (ticks,): the fish's place and direction, px and rad; rate_hz: ticks/s.
-    """
+def _view_touring(tank: TankSize, fish: Reals, heading: Reals, rate_hz: float) -> CameraViews:
+    """Return views that pass smoothly from one of `_SCENES` to the next, again and again."""
     # For each tick: the number of its scene, and its share (ticks, 1), as it is blended in.
     ticks = np.arange(len(fish))
     time_s, ends_s = ticks / rate_hz, np.cumsum([seconds for _, seconds in _SCENES])
@@ -159,7 +151,7 @@ def _view_touring(tank: TankSize, fish: Floats, heading: Floats, rate_hz: float)
     share = np.where(time_s < ends_s[0], 1.0, share)[:, None]
     views = [camera_views(name, tank, fish, heading, rate_hz) for name, _ in _SCENES]
 
-    def mix_scenes(points: list[Floats]) -> Floats:
+    def mix_scenes(points: list[Reals]) -> Reals:
         """Return points (ticks, 3), of which each scene has a list, as the scenes are blended."""
         stack = np.stack(points)
         present, before = stack[scene, ticks], stack[scene - 1, ticks]

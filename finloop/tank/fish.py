@@ -8,13 +8,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture, Reals
 from finloop.base.stretches import spread_rows
 from finloop.tank.body import arc_lengths, fish_surfaces
 from finloop.tank.skin import FishSkins, SurfaceAndSkin
 from finloop.tank.swim import TankPoses
 
-Floats = NDArray[np.floating]
-Picture = NDArray[np.uint8]
 _BATCH = 16  # ticks whose surfaces are made at once: a sixth of the time of one by one
 
 
@@ -27,16 +26,15 @@ class FishSurface:
     """
 
     poses: TankPoses
-    place: Floats
+    place: Reals
     skins: FishSkins
-    typical: Floats
+    typical: Reals
     length_px: float
 
     def __len__(self) -> int:
-        """Return the number of ticks."""
         return len(self.poses)
 
-    def _compute_batch(self, batch: int) -> tuple[Floats, Floats]:
+    def _compute_batch(self, batch: int) -> tuple[Reals, Reals]:
         """Return the surface's points and normals, (k, rings, around, 3), in a batch of k ticks.
 
         Points are px about the mass centre; batch: the batch's number, from 0.
@@ -47,7 +45,7 @@ class FishSurface:
         )
 
     @cached_property
-    def _recent_batch(self) -> Callable[[int], tuple[Floats, Floats]]:
+    def _recent_batch(self) -> Callable[[int], tuple[Reals, Reals]]:
         """Return `_compute_batch` with a memory of its latest result: ticks follow each other."""
         return lru_cache(1)(self._compute_batch)
 
@@ -75,10 +73,7 @@ class FishSurface:
         return np.concatenate(surfaces).reshape(len(self), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
-        """Return the median of the skin's colours over some ticks, (around, lengthwise, 3) uint8.
-
-        most: the largest number of ticks, spread over all.
-        """
+        """Return the median of the skin's colours over some ticks, (around, lengthwise, 3)."""
         ticks = spread_rows(np.arange(len(self)), most).tolist()
         return np.rint(np.median([self.skin(tick) for tick in ticks], axis=0)).astype(np.uint8)
 

@@ -13,12 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Reals
 from finloop.base.stretches import spread_rows
 from finloop.tank.body import AROUND, RINGS, surface_normals, surface_triangles, texture_coordinates
 from finloop.tank.camera import GLASS_PER_DEPTH, TankSize
 from finloop.tank.light import SUN, WATER
-
-Floats = NDArray[np.floating]
 
 MODES = 8  # readers on the web mix eight at most
 _SAMPLE = 400  # shapes from which the components are computed
@@ -40,7 +39,6 @@ class GlbDocument:
     """
 
     def __init__(self) -> None:
-        """Begin an empty document."""
         self._data = bytearray()
         self._document: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "finloop"},
@@ -119,13 +117,13 @@ class PrincipalShapes(NamedTuple):
     distance of a point of such a shape from its true place.
     """
 
-    mean: Floats
-    modes: Floats
-    weights: Floats
+    mean: Reals
+    modes: Reals
+    weights: Reals
     error_px: float
 
 
-def principal_shapes(points: Floats, heading: Floats, most: int = MODES) -> PrincipalShapes:
+def principal_shapes(points: Reals, heading: Reals, most: int = MODES) -> PrincipalShapes:
     """Return the mean and the principal components of a fish's shapes, all turned to head right.
 
     A component is as large as the standard deviation along it, so that of the weights is about 1.
@@ -159,8 +157,8 @@ class AnimatedFish(NamedTuple):
     """
 
     shape: PrincipalShapes
-    place: Floats
-    heading: Floats
+    place: Reals
+    heading: Reals
 
 
 def encode_tank_glb(
@@ -204,7 +202,7 @@ def encode_tank_glb(
     return glb.encode(root)
 
 
-def to_gltf_axes(place: Floats) -> list[float]:
+def to_gltf_axes(place: Reals) -> list[float]:
     """Return a place (3,) of the tank in glTF's axes: x right, y up, z towards the viewer."""
     return [float(place[0]), float(place[2]), float(-place[1])]
 
@@ -247,8 +245,7 @@ def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str
 def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[dict]) -> int:
     """Add a node whose mesh is a mix of shapes; return its index.
 
-    primitive: glTF's description of the mean shape; targets: differences that can be added to it;
-    name: of the node and the mesh.
+    primitive: glTF's description of the mean shape; targets: differences that can be added to it.
     """
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
     if targets:
@@ -258,12 +255,9 @@ def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[
 
 
 def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish's shadow, a strip on the floor between its sides; return its index.
+    """Add the node of a fish's shadow, a strip on the floor between its sides; return its index."""
 
-    shape: of the fish; material: index of the shadow's.
-    """
-
-    def flatten(points: Floats) -> Floats:
+    def flatten(points: Reals) -> Reals:
         """Return the points of both sides of the body, pressed flat, (2 · RINGS, 3)."""
         sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
         return sides.reshape(-1, 3) * (1, 1, 0)
@@ -294,7 +288,7 @@ def _add_plain_material(
 
 
 def _add_motion(
-    glb: GlbDocument, fish: AnimatedFish, places: Mapping[int, Floats]
+    glb: GlbDocument, fish: AnimatedFish, places: Mapping[int, Reals]
 ) -> Iterator[tuple[int, str, int]]:
     """Add the motion of a fish and its shadow: yield node, property, and index of an accessor.
 
@@ -329,7 +323,7 @@ def _add_still_parts(glb: GlbDocument, tank: TankSize, background: NDArray[np.ui
     texture_places = {"TEXCOORD_0": glb.add_array(on_picture, vertices=True)}
 
     def add_part(
-        name: str, points: Floats, faces: NDArray, material: int,
+        name: str, points: Reals, faces: NDArray, material: int,
         attributes: dict[str, int] | None = None, mode: int = _FACES,
     ) -> int:  # fmt: skip
         """Add a node of triangles or lines between points; return its index."""

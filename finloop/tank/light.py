@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Reals
 from finloop.tank.camera import TankSize
-
-Floats = NDArray[np.floating]
 
 SUN = np.array([-0.28, 0.34, 0.9]) / np.linalg.norm([-0.28, 0.34, 0.9])
 _WAVES = (  # direction rad, length in depths of the water, turns per second, phase
@@ -30,8 +29,8 @@ _CELL_PX = 10  # of the pattern of light
 
 
 def wave_heights_and_slopes(
-    x: Floats, y: Floats, depth: float, time_s: float
-) -> tuple[Floats, Floats, Floats]:
+    x: Reals, y: Reals, depth: float, time_s: float
+) -> tuple[Reals, Reals, Reals]:
     """Return the water's height (px, 0 at rest) and its slopes along x and y at places x, y.
 
     x, y: px, arrays of one shape, which the results share; depth: of the water, px.
@@ -69,7 +68,7 @@ class LitFloor:
         rows = np.linspace(0, -tank.height, row_count, dtype=np.float32)
         self._x, self._y = np.meshgrid(columns, rows)
 
-    def draw_floor(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
+    def draw_floor(self, fish: Sequence[Reals], time_s: float) -> NDArray[np.uint8]:
         """Return the lit floor at a time, (h, w) or (h, w, 3) uint8, with the fish's shadows.
 
         fish: points (rings, around, 3) of each, px of the tank.
@@ -102,7 +101,7 @@ class LitFloor:
         light = (1 - 0.3 * _GATHERS + _GATHERS * line**3) / _BRIGHTEST
         return np.rint(np.clip(255 * light, 0, 255)).astype(np.uint8)
 
-    def _subtract_shadow(self, light: NDArray[np.uint8], fish: Floats) -> None:
+    def _subtract_shadow(self, light: NDArray[np.uint8], fish: Reals) -> None:
         """Darken the light (h, w), which is changed, where the shadow of a fish falls.
 
         fish (rings, around, 3): its points, px of the tank. The higher the fish swims, the softer
@@ -153,8 +152,8 @@ class WaterSurface:
         self._tank = tank
 
     def points_and_colours(
-        self, time_s: float, camera: Floats, parallel: bool
-    ) -> tuple[Floats, NDArray[np.uint8]]:
+        self, time_s: float, camera: Reals, parallel: bool
+    ) -> tuple[Reals, NDArray[np.uint8]]:
         """Return the surface's points (m · n, 3), px, and their colours RGBA (m · n, 4) uint8.
 
         The water mirrors the sky and the sun; factors are chosen for the looks. camera (3,): its

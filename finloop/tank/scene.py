@@ -16,10 +16,10 @@ from typing import Any, cast
 import cv2
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
+from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.tank.body import AROUND as AROUND_BODY
 from finloop.tank.body import RINGS, surface_triangles, texture_coordinates
@@ -27,8 +27,6 @@ from finloop.tank.camera import GLASS_PER_DEPTH, VIEW_DEG, CameraViews, TankSize
 from finloop.tank.light import SUN, WATER, LitFloor, WaterSurface
 from finloop.tank.skin import AROUND, LENGTHWISE, SurfaceAndSkin
 
-Floats = NDArray[np.floating]
-Picture = NDArray[np.uint8]
 _SKY = {-1.0: "#06161d", -0.25: "#0d2a35", 0.0: "#41707f", 0.3: "#7fadb9", 1.0: "#a9cdd5"}
 _SKY_PX = 6.0  # film widths to the sky; by the sine of the elevation, its colours
 _GLASS, _EDGE = "#d5f0f5", "#e6fbff"
@@ -93,7 +91,6 @@ class TankScene(AbstractContextManager["TankScene"]):
         self._plotter.show(auto_close=False)
 
     def __exit__(self, *error: object) -> None:
-        """Close the window at the end of a `with` block."""
         self.close()
 
     def close(self) -> None:

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture, Reals
 from finloop.base.cutout import Cutout
 from finloop.tank.body import build_surface_grid, limit_half_widths, top_view_points
 from finloop.tank.swim import FilmBodies
 
-Picture = NDArray[np.uint8]
 LENGTHWISE, AROUND = 128, 64  # pixels of a skin: from head to tail, from below over left and right
 _INSIDE = 0.85  # of the half width: the outermost pixels are half water
 _SOLID = 200  # alpha from which a pixel's own colour is sure
@@ -32,8 +32,8 @@ class SurfaceAndSkin(NamedTuple):
     3): uint8.
     """
 
-    points: NDArray[np.floating]
-    normals: NDArray[np.floating]
+    points: Reals
+    normals: Reals
     skin: Picture
 
 
@@ -44,7 +44,7 @@ class FishSkins:
     """
 
     def __init__(
-        self, film: FilmBodies, typical: NDArray[np.floating], centres_px: NDArray[np.floating],
+        self, film: FilmBodies, typical: Reals, centres_px: Reals,
         load_cutout: Callable[[int], Cutout], keep: int = 256,
     ) -> None:  # fmt: skip
         """Prepare the places, the belly and the eyes that all skins share.

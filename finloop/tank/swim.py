@@ -16,13 +16,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Reals
 from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, SPRITE, row_picture
 from finloop.features.head import begins_at_tail
 from finloop.features.table import count_orientations, orientation_heading_deg
 
-Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]
 
 _SHIFT_S = 4.1  # between the height curves of successive fish
@@ -37,9 +37,9 @@ class FilmBodies:
     backbone: (n, p, 2) px, head first; half_width: (n, p) px; heading_deg: (n,).
     """
 
-    backbone: Floats
-    half_width: Floats
-    heading_deg: Floats
+    backbone: Reals
+    half_width: Reals
+    heading_deg: Reals
 
 
 class BodyPlacement(NamedTuple):
@@ -50,10 +50,10 @@ class BodyPlacement(NamedTuple):
     """
 
     row: Rows
-    turn_deg: Floats
-    scale: Floats
+    turn_deg: Reals
+    scale: Reals
     mirrored: NDArray[np.bool_]
-    axis_deg: Floats
+    axis_deg: Reals
 
 
 @dataclass(frozen=True)
@@ -65,16 +65,15 @@ class TankPoses:
     whose skins it wears; weight (ticks,): share of the second.
     """
 
-    centre: Floats
-    backbone: Floats
-    half_width: Floats
-    heading: Floats
+    centre: Reals
+    backbone: Reals
+    half_width: Reals
+    heading: Reals
     first: BodyPlacement
     second: BodyPlacement
-    weight: Floats
+    weight: Reals
 
     def __len__(self) -> int:
-        """Return the number of ticks."""
         return len(self.centre)
 
 
@@ -123,7 +122,7 @@ def poses_in_tank(
     )  # fmt: skip
 
 
-def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
+def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Reals:
     """Return the backbone (p, 2) px of a fish that an edit-list row draws in an unfilmed pose.
 
     As the filmed posture becomes the unfilmed one, each point of the film's backbone moves like the
@@ -144,13 +143,13 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     return row.scale * line @ _turn_matrix(float(body.heading_deg)).T
 
 
-def _turn_matrix(angle_deg: float | Floats) -> Floats:
+def _turn_matrix(angle_deg: float | Reals) -> Reals:
     """Return the matrices (…, 2, 2) that turn vectors x, y (y up) anticlockwise by angles (…)."""
     angle = np.radians(angle_deg)
     return _stack_matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
 
 
-def _arc_length_to_points(line: Floats) -> Floats:
+def _arc_length_to_points(line: Reals) -> Reals:
     """Return the length (p,) of a line (p, 2) from its first point to each of its points."""
     return np.append(0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
 
@@ -160,8 +159,8 @@ def _find_shown_bodies(
 ) -> BodyPlacement:
     """Return which filmed body the picture of every tick shows; of a missing picture, any body.
 
-    prefix, source_column: the columns of the picture in the edit list, "" and "source" for the
-    main one, "partner_" and "partner" for the one to cross-fade with.
+    prefix, source_column: "" and "source" for the main picture, "partner_" and "partner" for the
+    one to cross-fade with.
     """
     source = edit[source_column].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
@@ -183,7 +182,7 @@ def _find_shown_bodies(
     return BodyPlacement(row.astype(np.intp), turn, scale, mirrored, axis)
 
 
-def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Floats, Floats]:
+def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Reals, Reals]:
     """Return the backbones (ticks, p, 2) and half widths (ticks, p), px, of the placed bodies.
 
     Filmed bodies are mirrored, turned and scaled about their mass centres.
@@ -198,12 +197,12 @@ def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Floats, F
     return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[placement.row]
 
 
-def _stack_matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+def _stack_matrices(a: Reals, b: Reals, c: Reals, d: Reals) -> Reals:
     """Return matrices ((a, b), (c, d)) as (…, 2, 2), from their entries (…) each."""
     return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
 
 
-def swimming_heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
+def swimming_heights(time_s: Reals, depth: float, fish: int = 0) -> Reals:
     """Return how high above the floor a fish swims at each tick, (ticks,) px.
 
     The height is invented, as the film does not show it, and changes slowly. time_s (ticks,): times
