@@ -150,7 +150,7 @@ def test_all_that_was_kept_survives_a_cut_anywhere(tmp_path):
     log = Log(tmp_path / "a.journal", {"format": 1})
     sizes = []
     for number in range(6):
-        log.add_event(float(number), "mark", number=number)
+        log.add_entry("event", float(number), text=json.dumps({"what": "mark", "number": number}))
         log.add_frame(FrameFacts(*range(number, number + 8)), np.full((2, 20), number, np.float32))
         log.write_entries()
         sizes.append((tmp_path / "a.journal").stat().st_size)

@@ -88,8 +88,8 @@ class LiveAnimals:
     ) -> list[Verdict]:
         """Store the sightings in a tracker's message; return a verdict on each of them.
 
-        A message without a valid sighting gets a single verdict. text: JSON
-        (`finloop.stimulus.tracker`). source: the sender's name. arrived_s: session time, s.
+        A message without a valid sighting gets a single verdict. source: the sender's name.
+        arrived_s: session time, s.
         """
         if self.calibration is None:  # the protocol has no live animals
             return ["unwanted"]
@@ -120,8 +120,8 @@ class LiveAnimals:
     def find_past_place(self, id: str, time_s: float) -> PlacePx | None:
         """Return where an animal was (x, y px) at a session time, interpolated between sightings.
 
-        id: of the animal. None before the first sighting, more than 60 s before the last one, and
-        where the animal was lost. Until it is lost, an animal stays where it was last sighted.
+        None before the first sighting, more than 60 s before the last one, and where the animal was
+        lost. Until it is lost, an animal stays where it was last sighted.
         """
         track = self._tracks.get(id)
         return None if track is None else track.find_past_place(time_s, self.gap_s)
@@ -129,7 +129,7 @@ class LiveAnimals:
     def _store_sighting(self, sighting: Sighting, source: str, arrived_s: float) -> Verdict:
         """Store one sighting, unless it is refused; return the verdict on it (`Verdict`).
 
-        source: the tracker's name. arrived_s: session time of its message, s.
+        arrived_s: session time of its message, s.
         """
         name = str(sighting.id)
         track = self._tracks.get(name)
@@ -200,9 +200,9 @@ class _AnimalTrack:
     def update_clock(self, t: float, arrived_s: float, source: str) -> bool | None:
         """Update the offset between the clocks; return whether the tracker's clock jumped.
 
-        t: the tracker's time of a new sighting, s; arrived_s: the session's; source: the tracker's
-        name. Return None if the sighting is late: t is not after the last one, and the clock is the
-        same. Another source has another clock; earlier sightings are kept.
+        t: the tracker's time of a new sighting, s; arrived_s: the session's. Return None if the
+        sighting is late: t is not after the last one, and the clock is the same. Another source has
+        another clock; earlier sightings are kept.
 
         A message can be held up but never be early, so the offset is the least of the last seconds.
         """
@@ -278,7 +278,6 @@ class _PastPlaces:
     """The last places of an animal by the tracker's clock, as many as the longest delay needs."""
 
     def __init__(self) -> None:
-        """Begin without a place."""
         self._times: list[float] = []  # on the tracker's clock, s, ascending
         self._places: list[PlacePx] = []
 

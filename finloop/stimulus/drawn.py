@@ -30,10 +30,9 @@ States = NDArray[np.float32]
 def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
     """Return the states (fish, fields) from which the display's page draws the fish at one tick.
 
-    The fields are `FIELDS` and the posture. rows: one for each fish, of an edit list or of the
-    live tank. bodies: the film's postures. A picture drawn as filmed has the film's posture, two
-    cross-faded ones a mixed posture, and a fish with its own pose code (`row.pose`) that of the
-    code.
+    rows: one for each fish, of an edit list or of the live tank. A picture drawn as filmed has the
+    film's posture, two cross-faded ones a mixed posture, and a fish with its own pose code
+    (`row.pose`) that of the code.
     """
     mixed = np.array([row.weight > 0 for row in rows], bool)
     body = _picture_bodies(rows, bodies, np.zeros_like(mixed))

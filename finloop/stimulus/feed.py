@@ -84,8 +84,8 @@ class Feed:
         """Return the messages of one tick: pictures that the page lacks, then the fish's states.
 
         The message with the states is kept for pages that connect within the next ticks; seq: its
-        number. tick: number within the trial. due_s: session time at which to show it. states:
-        (fish, fields). replanned: whether states sent before for this tick and later ones are void.
+        number. tick: number within the trial. due_s: session time at which to show it. replanned:
+        whether states sent before for this tick and later ones are void.
         """
         pictures = self.picture_messages(states)
         facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": replanned}
@@ -98,10 +98,7 @@ class Feed:
         return [*pictures, self._recent_states[tick]]
 
     def frame_messages(self, number: int, states: States) -> list[bytes]:
-        """Return the messages of a replayed frame: pictures that the page lacks, then the states.
-
-        number: of the frame in the session. states: of its fish, (fish, fields).
-        """
+        """Return the messages of a replayed frame: pictures that the page lacks, then states."""
         frame = pack_message({"kind": "frame", "number": number}, states.tobytes())
         return [*self.picture_messages(states), frame]
 

@@ -34,8 +34,7 @@ async def receive_datagrams(
 ) -> None:
     """Pass on the messages that arrive at a bound UDP socket, until cancelled; raise its errors.
 
-    kind: "udp" for JSON texts, "osc" for OSC. receive: called with each text and its sender. token:
-    what each message must show; None: nothing.
+    kind: "udp" for JSON texts, "osc" for OSC. token: what each message must show; None: nothing.
     """
     failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 

@@ -12,10 +12,7 @@ _TEXT = ("condition", "motion", "look", "change")
 
 
 def list_trials(protocol: Protocol, trials: tuple[Trial, ...]) -> str:
-    """Return a text that lists a protocol's duration, requirements, conditions and trials.
-
-    trials: in the order in which they are shown.
-    """
+    """Return a text that lists a protocol's duration, requirements, conditions and trials."""
     seconds = sum(trial.seconds for trial in trials) + protocol.pause_s * (len(trials) - 1)
     waits = "" if protocol.start == "auto" else " and the waits for a start"
     return "\n".join([

@@ -26,7 +26,6 @@ import pyarrow as pa
 from finloop.base.schema import ANY, Column, Schema, columns
 from finloop.io.journal import Journal
 from finloop.stimulus.drawn import FIELDS, States
-from finloop.stimulus.tracker import LONGEST
 
 FORMAT = 1
 """Version of the log; this program reads no other."""
@@ -93,18 +92,10 @@ class Log:
     def add_entry(self, kind: str, time_s: float, **values: Any) -> None:
         """Add an entry of a tick, an input, a trial or an event, with the present trial's number.
 
-        kind: one of these four words. time_s: session time. values: columns of `SESSION` by name.
+        time_s: session time. values: columns of `SESSION` by name.
         """
         with self._lock:
             self._entries.append({"kind": kind, "time_s": time_s, "trial": self.trial, **values})
-
-    def add_event(self, time_s: float, what: str, **facts: Any) -> None:
-        """Add an event: what happened at a session time [s], and facts that JSON can hold."""
-        self.add_entry("event", time_s, text=json.dumps({"what": what, **facts}))
-
-    def add_input(self, time_s: float, source: str, text: str, verdict: str) -> None:
-        """Add a tracker's message: its arrival (session time [s]), sender, text and verdict."""
-        self.add_entry("input", time_s, source=source, text=text[:LONGEST], verdict=verdict)
 
     def add_frame(self, facts: FrameFacts, states: States) -> None:
         """Add a displayed frame, and the states (fish, fields) of its fish."""
@@ -159,10 +150,7 @@ class Log:
         )]  # fmt: skip
 
     def _build_batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
-        """Return log entries of one kind as a record batch; columns without values are empty.
-
-        rows: how many entries. values: each column's, (rows,), by the column's name.
-        """
+        """Return log entries of one kind as a record batch; columns without values are empty."""
         schema, given = self._journal.schema, {"kind": [kind] * rows, **values}
         arrays = [
             pa.array(given[field.name]).cast(field.type)

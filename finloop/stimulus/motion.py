@@ -51,7 +51,6 @@ class TrialContext:
     """
 
     def __init__(self, player: AnyPlayer, bodies: Bodies, mm_per_px: float | None = None) -> None:
-        """Collect what all trials share: the player, the film's postures, and their sizes."""
         self.player, self.bodies, self.mm_per_px = player, bodies, mm_per_px
         self.world = player.world
         self.rate_hz = self.world.motion.rate_hz
@@ -87,10 +86,7 @@ class TrialSetup:
         return cls(condition, protocol.fish, trial.seed, look, protocol.fade_s)
 
     def apply_look_and_fade(self, states: States, rate_hz: float) -> States:
-        """Return a motion (ticks, fish, fields) with the trial's look, faded in and out.
-
-        states: the motion; rate_hz: ticks per second.
-        """
+        """Return a motion (ticks, fish, fields) with the trial's look, faded in and out."""
         shown = states.copy()
         shown[..., LOOK] = self.look
         shown[..., ALPHA] *= fade_opacities(len(states), round(self.fade_s * rate_hz))[:, None]
@@ -103,8 +99,7 @@ class TrialSetup:
 def count_planned_ticks(change: MotionChange | None, ticks: int) -> int:
     """Return how many ticks of a motion must be planned so that it fills a trial after its change.
 
-    ticks: how long the trial is. A still motion needs one tick, a motion twice as fast about twice
-    as many.
+    A still motion needs one tick, a motion twice as fast about twice as many.
     """
     if change is None:
         return ticks
@@ -135,9 +130,9 @@ def apply_change(states: States, change: MotionChange | None, ticks: int) -> Sta
 def interpolate_states(states: States, times: Floats) -> States:
     """Return the states (n, fish, fields) of a motion at n times between its ticks.
 
-    states: of all ticks, (ticks, fish, fields). times (n,): in ticks from the first. As on the
-    display's page, places, sizes, alpha and posture are interpolated linearly, headings the shorter
-    way; pictures, their mixture and the look are the nearer tick's.
+    times (n,): in ticks from the first. As on the display's page, places, sizes, alpha and posture
+    are interpolated linearly, headings the shorter way; pictures, their mixture and the look are
+    the nearer tick's.
     """
     last = len(states) - 1
     times = np.clip(times, 0, last)
@@ -203,7 +198,7 @@ def _swim_to_goals(
     """Let the fish of a tank swim for `ticks` ticks; return their states (ticks, fish, fields).
 
     Each fish swims to one goal after the other, and then wanders. goals: x, y in shares of the
-    tank; without any the fish swim as the tank lets them.
+    tank.
     """
     goals_given = [0] * len(tank.fish)  # how many each fish has got
     states = [_current_states(tank, scene)]

@@ -69,8 +69,7 @@ def order_trials(protocol: Protocol) -> tuple[Trial, ...]:
 def find_source_trial(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
     """Return the trial whose motion a given trial repeats; None if it has its own motion.
 
-    This is the latest trial before it of the condition that its motion names (`again`). order: all
-    trials, none of them skipped.
+    It is the latest trial before it of the condition that its motion names (`again`).
     """
     source = protocol.conditions[trial.condition].motion.again
     earlier = reversed(order[: trial.number - 1])

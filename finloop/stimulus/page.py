@@ -27,18 +27,13 @@ _FILM_LOOK: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colou
 
 def join_scripts(*names: str) -> str:
     """Return some JavaScript files of the folder `page`, joined to one script in strict mode."""
-    return '"use strict";\n' + "\n".join(_read_page_file(name) for name in names)
+    return '"use strict";\n' + "\n".join(read_page_file(name) for name in names)
 
 
 def build_display_page() -> str:
     """Return the HTML of the page that the live animals see; its server sends what it shows."""
     code = join_scripts(*DRAWING, "levels.js", "panel.js", "display.js")
-    return _read_page_file("display.html").replace("/*script*/", code)
-
-
-def build_experimenter_page() -> str:
-    """Return the HTML of the experimenter's page."""
-    return _read_page_file("experimenter.html")
+    return read_page_file("display.html").replace("/*script*/", code)
 
 
 def build_standalone_page(
@@ -67,7 +62,7 @@ def build_standalone_page(
     }  # fmt: skip
     parts = [floor.tobytes(), *(picture.to_bytes() for picture in pictures.values())]
     data = pack_message(facts, b"".join([*parts, np.asarray(motion, "<f4").tobytes()]))
-    page = _read_page_file("alone.html").replace("/*title*/", html.escape(title))
+    page = read_page_file("alone.html").replace("/*title*/", html.escape(title))
     page = page.replace("/*script*/", join_scripts(*DRAWING, "alone.js"))
     page = page.replace("/*policy*/", make_content_policy(page, "img-src data:"))
     return page.replace("/*data*/", base64.b64encode(zlib.compress(data, 9)).decode())
@@ -87,6 +82,6 @@ def _refuse_unplayable(motion: States, pictures: Mapping[int, PagePicture]) -> N
         )  # fmt: skip
 
 
-def _read_page_file(name: str) -> str:
+def read_page_file(name: str) -> str:
     """Return the text of a file in the folder `page`."""
     return (_FILES / name).read_text(encoding="utf-8")

@@ -120,7 +120,7 @@ class PagePictures:
 def _shrink_picture(pixels: Picture, scale: float) -> tuple[Picture, tuple[float, float]]:
     """Return a picture (h, w, c) shrunk by a scale below 1, and the exact scales in x and y.
 
-    The exact scales differ a little, as sides are whole px. A scale of 1 or more changes nothing.
+    The exact scales differ a little, as sides are whole px.
     """
     if scale >= 1:
         return pixels, (1.0, 1.0)

@@ -316,7 +316,7 @@ class Protocol(StrictModel):
 def derive_motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
     """Return the seed (0 … 2^53 − 1) of a trial's motion, equal for conditions with equal motions.
 
-    condition: the name of the trial's condition; repeat: number of its repeat, from 1.
+    repeat: its number, from 1.
     """
     motion = protocol.conditions[condition].motion.text
     text = json.dumps([protocol.seed, motion, repeat])

@@ -97,7 +97,7 @@ def load_protocol(path: Path) -> Protocol:
 def parse_protocol(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
     """Return the protocol that the values of a YAML file describe; FinloopError lists all problems.
 
-    folder: the folder in which the protocol's relative paths begin.
+    folder: where the protocol's relative paths begin.
     """
     protocol, problems = _protocol_and_problems(values, folder)
     if protocol is None or problems:
@@ -165,7 +165,6 @@ class _YamlReader:
     """Converter of parsed YAML to values; it collects the line of each value, and all problems."""
 
     def __init__(self) -> None:
-        """Begin without lines and problems."""
         self.lines: dict[Place, int] = {}
         self.problems: list[str] = []
         self._left = _MOST_VALUES
@@ -173,8 +172,8 @@ class _YamlReader:
     def read_node(self, node: Node, place: Place) -> Any:
         """Return the value of a YAML node, and note its line and its problems.
 
-        place: the keys and numbers of entries that lead to it. _YamlTooLarge if there are too many
-        values, or they are nested too deeply, as anchors within themselves are.
+        _YamlTooLarge if there are too many values, or they are nested too deeply, as anchors within
+        themselves are.
         """
         line = node.start_mark.line + 1
         self.lines.setdefault(place, line)
@@ -224,7 +223,7 @@ def _scalar_value(text: str) -> Any:
 def _protocol_and_problems(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
     """Return the protocol that values describe, None if types are wrong; and all problems.
 
-    A problem is a place and a sentence. folder: where the protocol's relative paths begin.
+    folder: where the protocol's relative paths begin.
     """
     protocol, problems = None, list[Problem]()
     try:
@@ -241,10 +240,7 @@ def _protocol_and_problems(values: Any, folder: Path) -> tuple[Protocol | None, 
 
 
 def _build_protocol(values: Any) -> Protocol:
-    """Return the protocol in values; ValidationError if they do not have its format.
-
-    Wrong types, values out of range, missing keys and unknown keys all raise it.
-    """
+    """Return the protocol in values; ValidationError if they do not have its format."""
     return Protocol.model_validate_json(json.dumps(values))
 
 
@@ -315,7 +311,7 @@ def _format_problem(place: Place, what: str) -> str:
 def _find_contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
     """Yield the places where fields of a protocol, each valid alone, contradict others, and why.
 
-    names: those of all conditions in the file, valid or not.
+    names: of all conditions in the file, valid or not.
     """
     if len(names) * protocol.repeats > MOST_TRIALS:
         yield ("repeats",), f"gives more than {MOST_TRIALS} trials"
@@ -371,8 +367,7 @@ def _is_file(path: Path) -> bool:
 def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterator[Problem]:
     """Yield the problems of a condition that repeats another condition's motion (yoked).
 
-    names: those of all conditions in the file. name: that of this condition. A problem is a place
-    within the condition, and a sentence.
+    names: of all conditions in the file; name: of this one.
     """
     condition = protocol.conditions[name]
     source = condition.motion.again or ""

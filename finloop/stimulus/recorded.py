@@ -77,8 +77,7 @@ def imitate_tracker(
 def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
     """Return the size [px of the tank's picture] of a line's unit, along x and along y.
 
-    A line is in px, in mm or in shares of the tank. FinloopError if it is in mm and `mm_per_px` is
-    None.
+    FinloopError if it is in mm and `mm_per_px` is None.
     """
     if line.unit == TANK:
         return tank.width - 1, tank.height - 1

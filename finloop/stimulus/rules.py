@@ -32,12 +32,8 @@ def find_rule_target(
     candidates = [animal for animal in present if rule.animal in (NEAREST, animal.id)]
     if not candidates:
         return None
-
-    def nearness(animal: Animal) -> tuple[float, str]:
-        """Return an animal's distance from the fish [px]; the id decides between equal ones."""
-        return math.dist((animal.x, animal.y), fish[:2]), animal.id
-
-    animal = min(candidates, key=nearness)
+    # The nearest; the id decides between equally near ones.
+    animal = min(candidates, key=lambda one: (math.dist((one.x, one.y), fish[:2]), one.id))
     place, distance_px = (animal.x, animal.y), rule.distance * tank.length_px
     match rule.rule:
         case "approach":

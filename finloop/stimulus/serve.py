@@ -38,7 +38,7 @@ from finloop.stimulus.display import DisplayCalibration, PixelRatio, Pixels, sav
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import Feed
 from finloop.stimulus.log import parse_frame_records
-from finloop.stimulus.page import build_display_page, build_experimenter_page
+from finloop.stimulus.page import build_display_page, read_page_file
 from finloop.stimulus.replay import DisplayedFrame
 from finloop.stimulus.session import RealClock, Session
 
@@ -99,7 +99,6 @@ class DisplayPage:
     """A connected display page, with the queue of messages to it."""
 
     def __init__(self, connection: WebSocket) -> None:
-        """Begin with an empty queue; the page is not ready yet."""
         self.connection, self.ready = connection, False
         self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_MOST_WAITING)
 
@@ -135,7 +134,6 @@ class DisplayHub:
         """Start a coroutine and return at once; ignore the errors of a client that has left."""
 
         async def suppress_gone() -> None:
-            """Run the coroutine and ignore that the client has left."""
             with contextlib.suppress(*GONE):
                 await work
 
@@ -367,8 +365,8 @@ def create_session_server(
 ) -> AppServer:  # fmt: skip
     """Return the web server of a session: both pages, the trackers' WebSocket, and all its tasks.
 
-    listens: a bound socket. policy: who may connect. inputs: returns tasks that receive trackers'
-    messages by other ways. started: called once the server can be reached.
+    inputs: returns tasks that receive trackers' messages by other ways. The other arguments are
+    those of `AppServer`.
     """
     session = hub.session
 
@@ -384,7 +382,7 @@ def create_session_server(
         SocketRoute("/display", hub.serve_display, MOST_PAGES),
         SocketRoute("/animals", hub.serve_tracker, MOST_TRACKERS, programs=True),
     ]
-    pages = {"/": build_experimenter_page(), "/show": build_display_page()}
+    pages = {"/": read_page_file("experimenter.html"), "/show": build_display_page()}
     return AppServer(
         listens, policy, pages, sockets, started=started,
         tasks=lambda: [session.run_trials(), save_log(), *inputs()],
@@ -397,12 +395,10 @@ def create_display_server(
 ) -> AppServer:  # fmt: skip
     """Return the web server of a replay or a calibration, on one display; it ends after a replay.
 
-    listens: a bound socket. policy: who may connect. started: called once the server can be
-    reached.
+    The arguments are those of `AppServer`.
     """
 
     async def run_replay_and_stop() -> None:
-        """Run the replay, if it is one, then stop the server."""
         if isinstance(hub, ReplayHub):
             await hub.run_replay()
             server.should_exit = True

@@ -24,7 +24,7 @@ from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, pl
 from finloop.stimulus.order import Trial, fill_trigger_text
 from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.recorded import DryClock
-from finloop.stimulus.tracker import parse_trigger
+from finloop.stimulus.tracker import LONGEST, parse_trigger
 
 # How long before the page needs it a tick is planned: the shorter of these two times. Planning
 # takes a few ms; an earlier tick would not know the latest messages of trackers.
@@ -38,7 +38,6 @@ class RealClock:
     """The clock of a session with a display; a wait ends within 0.1 ms of its time."""
 
     def __init__(self) -> None:
-        """Begin at time 0."""
         self._zero = time.perf_counter()
 
     def read_time(self) -> float:
@@ -166,8 +165,9 @@ class Session:
             self._may_start.set()
 
     def log_event(self, what: str, **facts: Any) -> None:
-        """Log an event with facts about it."""
-        self.log.add_event(self.clock.read_time(), what, **facts)
+        """Log an event with facts about it that JSON can hold."""
+        text = json.dumps({"what": what, **facts})
+        self.log.add_entry("event", self.clock.read_time(), text=text)
 
     def report_event(self, what: str, **facts: Any) -> None:
         """Show an event to the experimenter, and log it, both with facts about it."""
@@ -181,8 +181,7 @@ class Session:
     def receive_message(self, text: str | bytes | None, source: str) -> None:
         """Handle a message of a tracker, or one that starts a trial.
 
-        When this returns, the last tick is planned again if fish react to the message. source: the
-        sender's name.
+        If fish react to the message, the last tick is planned again before this returns.
         """
         arrived_s = self.clock.read_time()
         name = parse_trigger(text)
@@ -194,7 +193,9 @@ class Session:
         verdicts = self.animals.receive_message(text, source, arrived_s)
         self.counts.verdicts.update(verdicts)
         logged = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
-        self.log.add_input(arrived_s, source, logged, " ".join(verdicts))
+        self.log.add_entry(
+            "input", arrived_s, source=source, text=logged[:LONGEST], verdict=" ".join(verdicts)
+        )
         if self._reaction is None or set(TAKEN).isdisjoint(verdicts):  # no sighting was stored
             return
         states = self._reaction.replan_tick(arrived_s)
@@ -398,7 +399,7 @@ class Session:
     def _lead_time_s(self, known: bool) -> float:
         """Return how long [s] before it is due a tick is sent.
 
-        known: whether its motion is known beforehand; else it is planned at that time.
+        known: whether its motion is known beforehand.
         """
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
         return EARLY_S if known else tick_s + min(_MOST_LEAD_S, _LEAD_TICKS * tick_s)
