@@ -188,11 +188,7 @@ class LiveFish:
         self, modes: Modes, mode: str, born: int, name: str,
         rng: np.random.Generator, too_unlike: TooUnlike, other_paths: OtherPaths,
     ) -> None:  # fmt: skip
-        """Put a fish into the tank, where there is room; FinloopError without room.
-
-        too_unlike: returns whether the pictures of a cross-fade are too unlike to be mixed;
-        other_paths: returns the planned paths of the other fish.
-        """
+        """Put a fish into the tank, where there is room; FinloopError without room."""
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
         self.path_task: PathTask | None = None
@@ -245,7 +241,7 @@ class LiveFish:
     def _other_paths(self, tick: int) -> Floats:
         """Return the planned paths (n, m, 4) of the m other fish from a tick of this fish on.
 
-        Their columns are x, y [px], heading [degrees] and number of the picture.
+        Their columns are those of `planned_path_from`.
         """
         paths = list(self._find_other_paths(self, self.born + tick).values())
         return Plans.from_paths(paths, tick).others(-1, tick)  # −1: this fish is none of them

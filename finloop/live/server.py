@@ -36,7 +36,6 @@ class PageClient:
     """A connected page; at most one frame waits for it, the newest."""
 
     def __init__(self) -> None:
-        """Begin without a frame."""
         self._newest: tuple[int, bytes] | None = None
         self._unseen: deque[int] = deque()  # frames that were sent and not yet drawn
         self._changed = asyncio.Event()
@@ -44,7 +43,7 @@ class PageClient:
     def offer_frame(self, number: int, frame: bytes) -> bool:
         """Store a new frame for the page; return whether the frame before had been sent.
 
-        number: of the frame. A frame that was not sent yet is replaced.
+        A frame that was not sent yet is replaced.
         """
         was_sent, self._newest = self._newest is None, (number, frame)
         self._changed.set()
@@ -159,7 +158,6 @@ class TankHost:
         """Serve a page until it disconnects: send it frames, and store its requests."""
 
         async def send_frames() -> None:
-            """Send each new frame to the page until it disconnects."""
             with contextlib.suppress(*GONE):
                 while True:
                     await connection.send_bytes(await page.next_frame())
@@ -181,7 +179,7 @@ def create_tank_server(
 ) -> AppServer:
     """Return the web server of a live tank: its page at `/`, its WebSocket at `/tank`.
 
-    page: the HTML. listens: a bound socket. started: called once the server can be reached.
+    page: the HTML. listens, started: as in `AppServer`.
     """
     host, policy = TankHost(view), AccessPolicy(listens.getsockname()[1])
     sockets = [SocketRoute("/tank", host.serve_page, MOST_PAGES)]

@@ -45,8 +45,8 @@ class LiveTank:
     ) -> None:  # fmt: skip
         """Create a tank in a mode, with as many fish as asked, as far as there is room.
 
-        seed: of all random choices. too_unlike: returns whether the pictures of a cross-fade are
-        too unlike to be mixed. FinloopError if the film does not allow the mode, or so many fish.
+        seed: of all random choices. FinloopError if the film does not allow the mode, or so many
+        fish.
         """
         if mode not in players:
             raise FinloopError(
@@ -116,7 +116,7 @@ class LiveTank:
     def _other_paths(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
         """Return the planned paths of all other fish from a tick on, each (n, 4), by their names.
 
-        Their columns are x, y [px], heading [degrees] and number of the picture.
+        Their columns are those of `LiveFish.planned_path_from`.
         """
         return {
             other.name: other.planned_path_from(tick) for other in self.fish if other is not fish

@@ -250,8 +250,7 @@ class TankView:
         """Return the path (n, 2) [px] of a fish that plays the film on from a row.
 
         It ends after 1.5 s, or where the film shows no next frame; every second place is listed.
-        start: where it begins, x, y [px]. turn_deg: by how much the film's motion is turned
-        anticlockwise.
+        turn_deg: by how much the film's motion is turned anticlockwise.
         """
         end = row + round(_PATH_S * self.tank.world.motion.rate_hz)
         stops = row + np.flatnonzero(~film.has_next[row:end])  # rows without a next frame

@@ -180,7 +180,6 @@ class AppServer(uvicorn.Server):
         """Return the route that answers requests for a page (HTML) at a path such as "/show"."""
 
         async def answer_page_request(request: Request) -> Response:
-            """Return the page, or a refusal, as the response to one request."""
             return self._policy.answer_request(request, page)
 
         return Route(path, answer_page_request)
@@ -190,7 +189,6 @@ class AppServer(uvicorn.Server):
         connections = set[WebSocket]()
 
         async def serve_connection(connection: WebSocket) -> None:
-            """Serve one connection, unless it is refused or there are too many."""
             if not await self._policy.accept_socket(connection, route.programs):
                 return
             if len(connections) >= route.most:
