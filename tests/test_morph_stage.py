@@ -86,11 +86,31 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
     assert table.loc[("coif2", 7), "nu_normalised"] == pytest.approx(-2.70434e-7, abs=1e-10)
 
 
+@pytest.mark.usefixtures("no_drawing")
+def test_forces_move_the_physical_morph(folder, monkeypatch):
+    monkeypatch.setattr(stages.morph, "_draw_released_hoop", lambda _: {})
+    monkeypatch.setattr(stages.morph, "_draw_curve_paper_figures", lambda _: {})
+    monkeypatch.setattr(stages.morph, "METHODS", ("linear", "physical"))
+    monkeypatch.setattr(stages.morph.MorphSettings, "frame_rate_hz", 2.0)
+    forces = 'morph.forces=["gravity=3","floor=390"]'
+    physics = ("morph.damping=4", "morph.stiffness_damping=0.05", "morph.frames=12")
+    prepare(folder, *SMALL, "morph.method=physical", forces, *physics)
+    stages.morph.main()
+    assert 0 < load_numbers(folder / "reports/morph")["rest_time_s"] < 5
+    frames = json.loads((folder / "data/morph/physical.json").read_text())["frames"]
+    assert len(frames) == 12  # it does not go back
+    lowest = [max(y for points in frame["layers"].values() for _, y in points) for frame in frames]
+    assert lowest[0] < 360 < 385 < lowest[-1] < 390.1
+
+
 @pytest.mark.parametrize(
     ("asked", "said"),
     [("morph.contour_points=100", "power of two"), ("morph.wavelet=db2", "H"),
      ("morph.level=9", "fewer than 4 control points"),
-     ("morph.pairs=none.yaml", "none.yaml")],
+     ("morph.pairs=none.yaml", "none.yaml"),
+     ('morph.forces=["gravity=1"]', "set method=physical"),
+     ('morph.forces=["rain=1"]', "'rain' is none of gravity"),
+     ("morph.mass=-1", "mass")],
 )  # fmt: skip
 @pytest.mark.usefixtures("no_drawing")
 def test_what_is_wrong_is_said_and_nothing_is_lost(folder, monkeypatch, asked, said):

@@ -188,7 +188,7 @@ def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 4) -> Traj
     response = np.stack(oscillator_response(oscillators, np.array([step / 2, step])))
     factors = np.moveaxis(response, 1, 0).reshape(2, 2, 3, -1, 1)  # step, place or rate, of what
     half, whole = (np.moveaxis(factor, 1, 0) for factor in factors)
-    holds = _find_holds(forces.is_held, basis.inverse(whole[2, 0])[:, 0])
+    holds = _find_holds(forces.is_held, basis.inverse(whole[2])[..., 0])
     field = _split_forces(forces, material.density, rest)
     constant = basis.transform(field.constant.reshape(n, -1) + problem.force_on_points())
 
@@ -207,12 +207,9 @@ def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 4) -> Traj
             force = push(_advance(half[:, 0], state, force), time + step / 2)
         state = _advance(whole, state, force)
         is_shown = (number + 1) % substeps == 0
-        if holds:
-            away = basis.inverse(state[0]).reshape(rest.shape)
-            state = state + whole[2] * basis.transform(_holding_force(holds, away).reshape(n, -1))
         if is_shown or forces.floor is not None or holds:
             points = basis.inverse(state)
-            if _constrain(points.reshape(2, *rest.shape), rest, forces):
+            if _constrain(points.reshape(2, *rest.shape), rest, forces, holds):
                 state = np.fft.rfft(points, axis=1)
             if is_shown:
                 motion.append(points)
@@ -229,45 +226,42 @@ def _advance(factors: Numbers, state: Numbers, force: Numbers) -> Numbers:
 
 
 class _Hold(NamedTuple):
-    """Held points (h,) of a curve, and the forces (h, h) that move one of them by 1 in a step."""
+    """Held points (h,) of a curve, and what the forces do that bring them back in a step.
+
+    back (2, n, h): change of places and speeds of all points, for each held point that is 1 away.
+    """
 
     curve: int
     points: NDArray[np.intp]
-    forces: Floats
+    back: Floats
 
 
 def _find_holds(is_held: NDArray[np.bool_] | None, response: Floats) -> list[_Hold]:
     """Return the holds of the curves that have some.
 
-    is_held (n, k); response (n,): how far a force of 1 on point 0 moves each point in a step.
+    is_held (n, k); response (2, n): how a force of 1 on point 0 changes the places and speeds of
+    all points in a step.
     """
+    if is_held is None:
+        return []
     holds = []
-    for curve in range(0 if is_held is None else is_held.shape[1]):
-        points = np.flatnonzero(is_held[:, curve])  # type: ignore[index]
-        if len(points):
-            matrix = response[(points[:, None] - points) % len(response)]
-            holds.append(_Hold(curve, points, np.linalg.inv(matrix)))
+    for curve in np.flatnonzero(is_held.any(axis=0)):
+        points = np.flatnonzero(is_held[:, curve])
+        changes = response[:, (np.arange(len(is_held))[:, None] - points) % len(is_held)]
+        holds.append(_Hold(int(curve), points, -changes @ np.linalg.inv(changes[0, points])))
     return holds
 
 
-def _holding_force(holds: Sequence[_Hold], away: Floats) -> Floats:
-    """Return the force (n, k, 2) that brings held points to their places in a step.
-
-    away (n, k, 2): displacements at the end of the step without it.
-    """
-    force = np.zeros_like(away)
-    for curve, points, forces in holds:
-        force[points, curve] = -forces @ away[points, curve]
-    return force
-
-
-def _constrain(state: Floats, rest: Floats, forces: Forces) -> bool:
-    """Set points onto the floor, and back to where they are held; return whether any moved.
+def _constrain(state: Floats, rest: Floats, forces: Forces, holds: Sequence[_Hold]) -> bool:
+    """Bring held points back, and set points onto the floor; return whether any moved.
 
     state (2, n, k, 2): displacements and velocities, changed in place; rest (n, k, 2).
     """
     displacement, velocity = state
-    moved = False
+    moved = bool(holds)
+    for curve, held, back in holds:
+        state[:, :, curve] += back @ displacement[held, curve]
+        state[:, held, curve] = 0.0
     if forces.floor is not None:
         room = forces.floor - rest[..., 1]  # largest y of a displacement
         is_below = displacement[..., 1] > room
@@ -278,9 +272,6 @@ def _constrain(state: Floats, rest: Floats, forces: Forces) -> bool:
             slide = velocity[is_below, 0]
             velocity[is_below, 1] -= lost
             velocity[is_below, 0] -= np.clip(slide, -forces.friction * lost, forces.friction * lost)
-    if forces.is_held is not None:
-        moved = True
-        state[:, forces.is_held] = 0.0
     return moved
 
 

@@ -2,7 +2,8 @@
 
 Corresponding points (`match`), a morph without folds (`simple`), frames as rigid as possible
 (`relax`), counting and excluding folds (`folds`), whole drawings and the paper's methods
-(`layers`), a page to try them (`trial`). `tool` is the command line.
+(`layers`), drawings that forces move (`in_forces`), a page to try morphs (`trial`). `tool` is the
+command line.
 """
 
 import lazy_loader

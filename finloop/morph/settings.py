@@ -48,11 +48,11 @@ class MorphSettings:
             raise ValueError("contour_points is no power of two")
         if self.contour_points >> self.level < 4:
             raise ValueError("level leaves a contour fewer than 4 control points")
-        if self.forces and self.method != "physical":
-            raise ValueError("forces move bodies with mass and springs: set method=physical")
-        if not self.mass and not self.damping:
-            raise ValueError("mass and damping are both 0: nothing resists a shift")
         try:
             parse_forces(self.forces)
         except FinloopError as error:
             raise ValueError(str(error)) from error
+        if self.forces and self.method != "physical":
+            raise ValueError("forces move bodies with mass and springs: set method=physical")
+        if not self.mass and not self.damping:
+            raise ValueError("mass and damping are both 0: nothing resists a shift")
