@@ -184,7 +184,7 @@ def test_mean_value_weights_keep_affine_motions_inside_outside_and_on_the_polygo
         ("wind=1,-2", WindForce((1.0, -2.0))),
         ("wind=1,0,drag=0,gust=0.5,gust_length=2", WindForce((1.0, 0.0), 0.0, 0.5, 2.0)),
         ("attraction=20,30,strength=7", AttractionForce((20.0, 30.0), 7.0)),
-        ("attraction=the sun", AttractionForce("the sun")),
+        ("attraction=the sun", AttractionForce("the sun", 1.0)),
         ("floor=390", FloorForce(390.0)),
         ("floor=ground,friction=0", FloorForce("ground", 0.0)),
         ("hold=pole", HoldForce("pole")),

@@ -43,7 +43,7 @@ class AttractionForce:
     """
 
     to: Place
-    strength: float = 4.0
+    strength: float = 1.0
 
 
 @dataclass(frozen=True)
