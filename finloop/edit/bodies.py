@@ -53,10 +53,15 @@ def measure_movement(pose: Pose) -> Movement:
         batch = pose[rows.start : rows.stop + 1]
         # The backbones about their centres, headed right, a body length long; y points down.
         lines = batch.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
+        x, y = np.ascontiguousarray(np.moveaxis(lines, 2, 0))
         turn = np.diff(batch.heading_rad)[:, None]
-        cos, sin, x, y = np.cos(turn), np.sin(turn), lines[1:, :, 0], lines[1:, :, 1]
-        turned = np.stack([x * cos + y * sin, y * cos - x * sin], -1)
-        return np.sqrt(((np.stack([turned, lines[1:]]) - lines[:-1]) ** 2).sum(-1).mean(-1))
+        cos, sin = np.cos(turn), np.sin(turn)
+        turned = x[1:] * cos + y[1:] * sin, y[1:] * cos - x[1:] * sin
+        mean_squares = [
+            ((next_x - x[:-1]) ** 2 + (next_y - y[:-1]) ** 2).mean(-1)
+            for next_x, next_y in (turned, (x[1:], y[1:]))
+        ]
+        return np.sqrt(mean_squares)
 
     batches = map_row_blocks(measure_movement_from, len(pose) - 1)
     return Movement(*np.concatenate([np.empty((2, 0)), *batches], axis=1))
