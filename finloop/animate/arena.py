@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 
 import cv2
 import numpy as np
@@ -28,6 +29,7 @@ _ALIKE = 0.5
 """Share of the floor beyond that looks the same at least. Pieces of the carp: 0.86-0.91, mouse
 0.16-0.36."""
 _MOST_REACH = 0.5  # of the distance from wall to middle: a fish that reaches farther cannot turn
+_PATH_LOCK = Lock()
 _CELLS = 200  # cells a side, at most, of the map on which a path round a wall is sought
 
 
@@ -75,21 +77,29 @@ class Tank:
         """
         if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
-        cell = math.ceil(max(self.legal.shape) / _CELLS)
-        free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
-        cost = np.where(free, 1.0, 1e6)  # through a wall only if nothing else leads there
-        last = np.array(cost.shape) - 1
+        cell, paths = self._coarse_map
+        last_row, last_column = ((side - cell // 2 - 1) // cell for side in self.legal.shape)
         start, end = (
-            tuple(np.minimum(np.array(pixel) // cell, last))
-            for pixel in (self._nearest_pixel(x, y), self._nearest_pixel(to_x, to_y))
+            (min(row // cell, last_row), min(column // cell, last_column))
+            for row, column in (self._nearest_pixel(x, y), self._nearest_pixel(to_x, to_y))
         )
-        cells = skimage.graph.route_through_array(cost, start, end, geometric=True)[0]
+        with _PATH_LOCK:  # a search keeps its state in `paths`, which threads share
+            paths.find_costs([start], [end])
+            cells = paths.traceback(end)
         point = (to_x, to_y)
         for row, column in reversed(cells):  # from the target back to the fish
             point = float(column * cell + cell // 2), float(row * cell + cell // 2)
             if self.can_swim_straight(x, y, *point):
                 break
         return point
+
+    @cached_property
+    def _coarse_map(self) -> tuple[int, skimage.graph.MCP_Geometric]:
+        """Return the px of a cell of the coarse map, and what finds the shortest paths on it."""
+        cell = math.ceil(max(self.legal.shape) / _CELLS)
+        free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
+        # Through a wall only if nothing else leads there.
+        return cell, skimage.graph.MCP_Geometric(np.where(free, 1.0, 1e6))
 
     def can_swim_straight(self, x: float, y: float, to_x: float, to_y: float) -> bool:
         """Return whether a fish can swim straight from (x, y) px to (to_x, to_y) px."""

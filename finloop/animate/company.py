@@ -173,8 +173,10 @@ def sort_near_first(company: Company, x: float, y: float, farthest_px: Floats) -
             swim_ticks = 1 + (t if t < ticks - 1 else company.until - company.start)
             ticks_beyond = max(swim_ticks - known_ticks, 0)
             swims_px = farthest_px[swim_ticks - ticks_beyond] + ticks_beyond * px_per_tick
-            distance = np.hypot(company.places[t, k, 0] - x, company.places[t, k, 1] - y)
-            is_near = is_near or distance < 2 * company.discs.reach + swims_px
+            dx, dy = company.places[t, k, 0] - x, company.places[t, k, 1] - y
+            is_near = dx * dx + dy * dy < (2 * company.discs.reach + swims_px) ** 2
+            if is_near:
+                break
         if is_near:
             order[near_count] = k
             near_count += 1

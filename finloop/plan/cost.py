@@ -8,7 +8,7 @@ import numpy as np
 
 from finloop.animate.route import Route, due_along, heading_at, point_along
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import finite_leaf, for_kernels, kernel
+from finloop.base.kernel import finite_leaf, for_kernels, kernel, leaf_kernel
 from finloop.edit.bodies import Movement
 from finloop.edit.schema import TERMS
 from finloop.plan.graph import MotionGraph, mean_step_px, row_lags
@@ -35,14 +35,15 @@ class CostWeights(NamedTuple):
     memory: float
 
 
-@for_kernels
-def repeat_cost(ticks_ago, weights):  # type: ignore[no-untyped-def]
+@leaf_kernel
+def repeat_cost(ticks_ago: float, weights: CostWeights) -> float:
     """Return the cost, in ticks, of showing a row again that was on screen `ticks_ago` before.
 
-    ticks_ago: a number or an array. The cost falls from `weights.repeat` to 0 at `weights.memory`
-    ticks.
+    The cost falls from `weights.repeat` to 0 at `weights.memory` ticks.
     """
-    return weights.repeat * np.maximum(0.0, 1.0 - ticks_ago / weights.memory)
+    if ticks_ago >= weights.memory:  # most rows; a division takes long
+        return 0.0
+    return weights.repeat * (1.0 - ticks_ago / weights.memory)
 
 
 _FADING_TICKS = 3  # ticks after a transition in which an offset of the pose fades fastest

@@ -68,11 +68,13 @@ class Fallback:
         if not len(others):
             return stretch
         ticks = self.count_free_ticks(fish, stretch)
-        distances = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
-        may_touch = distances.min() < 2 * company.discs.reach  # reach: of a body from its centre
-        if ticks and not (turns_on_spot and may_touch):
+        if ticks and not turns_on_spot:
             return stretch.cut(ticks)
-        return self._move_aside(fish, *others[distances.argmin(), :2].tolist())
+        distances = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
+        nearest = int(distances.argmin())
+        if ticks and distances[nearest] >= 2 * company.discs.reach:  # too far away to touch
+            return stretch.cut(ticks)
+        return self._move_aside(fish, *others[nearest, :2].tolist())
 
     def _move_aside(self, fish: Fish, x: float, y: float) -> Stretch:
         """Return the free part of a stretch away from another fish at x, y px.

@@ -215,6 +215,18 @@ def row_can_play_on(rows, row):  # type: ignore[no-untyped-def]
     return rows[row].has_next and rows[row + 1].recurrent
 
 
+@kernel
+def drawn_rotations(film_rows: NDArray[np.void], rows: Ints, trajectory: Floats) -> Floats:
+    """Return by how many degrees (n,) rows (n,) are turned that a fish shows along a trajectory.
+
+    film_rows: all rows, of dtype `ROW`; trajectory (n, 3): x, y px, heading in degrees.
+    """
+    rots = np.empty(len(trajectory))
+    for t in range(len(trajectory)):
+        rots[t] = wrap(trajectory[t, 2] - film_rows[rows[t]].heading)
+    return rots
+
+
 @kernel_part
 def jump_range(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
     """Return the numbers of the jumps that can replace a row: the first, and one past the last."""

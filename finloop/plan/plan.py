@@ -1,5 +1,6 @@
 """The plan of a search: its chosen branch, the runs of film it shows, and all its candidates."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -44,26 +45,20 @@ class CandidateVerdicts:
         """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
         _good, tank, quadrant, heading, _passed_over = counts  # in the order of VERDICTS
-        others, value_s = self.costs.copy(), np.nan
+        others, value_s, taken_terms = self.costs.tolist(), math.nan, ()
         if self.taken >= 0:
-            others[self.taken] = np.inf
-            if np.isfinite(self.costs[self.taken]):
-                value_s = float(self.costs[self.taken])
+            cost, others[self.taken] = others[self.taken], math.inf
+            if math.isfinite(cost):
+                value_s, taken_terms = cost, tuple(self.terms[self.taken].tolist())
+        least_other = min(others)
+        other_terms = ()
+        if math.isfinite(least_other):
+            other_terms = tuple(self.terms[others.index(least_other)].tolist())
         return decision._replace(
             exit=exit_code, value_s=value_s,
             candidates=len(self.rows), candidates_tank=tank, candidates_quadrant=quadrant,
-            candidates_heading=heading,
-            taken_terms=self._term_costs(self.costs, self.taken),
-            other_terms=self._term_costs(others, int(others.argmin())),
+            candidates_heading=heading, taken_terms=taken_terms, other_terms=other_terms,
         )  # fmt: skip
-
-    def _term_costs(self, costs: Floats, candidate: int) -> tuple[float, ...]:
-        """Return the cost of a candidate by term, s; () for none, or one that leads nowhere.
-
-        costs (k,): s of all candidates, infinite for one that leads nowhere.
-        """
-        leads_nowhere = candidate < 0 or not np.isfinite(costs[candidate])
-        return () if leads_nowhere else tuple(self.terms[candidate].tolist())
 
 
 class Plan(NamedTuple):
@@ -77,8 +72,8 @@ class Plan(NamedTuple):
     candidates: Candidates
     outcomes: Outcomes
     taken: int
-    rows: Ints
-    ticks: Ints
+    rows: list[int]
+    ticks: list[int]
 
     @property
     def cost(self) -> float:
@@ -104,8 +99,8 @@ class Plan(NamedTuple):
         only the first leg counts.
         """
         runs: list[Run] = []
-        ticks_left = most_ticks if np.isfinite(self.cost) else 0
-        for row, ticks in zip(self.rows.tolist(), self.ticks.tolist(), strict=True):
+        ticks_left = most_ticks if math.isfinite(self.cost) else 0
+        for row, ticks in zip(self.rows, self.ticks, strict=True):
             ticks_left -= ticks
             if runs and ticks_left < 0:
                 break

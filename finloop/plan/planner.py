@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from finloop.animate.company import ALONE, Company, can_stay, make_company, sort_near_first
-from finloop.animate.kinematics import Target, bearing, next_aim, touches_target, wrap
+from finloop.animate.kinematics import Target, bearing, touches_target, wrap
 from finloop.animate.memory import remember_rows
 from finloop.animate.places import random_wander_place
 from finloop.animate.route import Route, find_nearest_on_route, nearest_search_start, point_along
@@ -32,7 +32,7 @@ from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant_of_displacement
 from finloop.plan.cost import CHANCE, RARITY, TIME, CostWeights
 from finloop.plan.fallback import Fallback
-from finloop.plan.graph import random_fish_in_film
+from finloop.plan.graph import drawn_rotations, random_fish_in_film
 from finloop.plan.objectives import (
     ANYWHERE,
     Objective,
@@ -187,11 +187,12 @@ class Planner:
         is changed.
         """
         # A fish of a mode with sprites may be in no row of the film.
-        fish = state.fish if state.fish.row >= 0 else self._fish_in_film(state.fish)
-        state = state._replace(fish=fish)
+        if state.fish.row < 0:
+            state = state._replace(fish=self._fish_in_film(state.fish))
         if isinstance(goal, Route):
             return self._plan_on_route(state, goal, rng)
-        state, target = self._choose_target(state, goal, rng)
+        fish = state.fish
+        target, place, place_ticks_left, by_rule = self._choose_target(state, goal, rng)
         objective = target_objective(self._next_waypoint(fish, target))
         # A plan to a free target, which need not be touched, goes on when the place changes.
         task = ANYWHERE if target.free else target
@@ -201,27 +202,26 @@ class Planner:
             progress = Progress()
         # A fish without a goal swims to its place until it touches it, or its ticks are over.
         keeps_place = not isinstance(goal, Goal) and not stretch.touches_goal
-        ticks = max(0, state.place_ticks_left - len(stretch.trajectory)) if keeps_place else 0
-        fish_after = self._fish_after(fish, stretch)
-        return stretch, state._replace(fish=fish_after, place_ticks_left=ticks, progress=progress)
+        ticks = max(0, place_ticks_left - len(stretch.trajectory)) if keeps_place else 0
+        return stretch, State(self._fish_after(fish, stretch), place, ticks, by_rule, progress)
 
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
-    ) -> tuple[State, Target]:
-        """Return the state of a fish without a path, with where it swims now, and that as a target.
+    ) -> tuple[Target, Floats, int, bool]:
+        """Return where a fish without a path swims now, as a target and as its state stores it.
 
-        The place is kept or chosen: see `_choose_place`; a goal is not stored in the state. The
-        target is free where the fish only wanders and goes where the film goes.
+        The place (2,), its ticks, and whether a rule requested it are kept or chosen: see
+        `_choose_place`; a goal is not stored. The target is free where the fish only wanders and
+        goes where the film goes.
         """
         world = self.world
         if isinstance(goal, Goal):
-            x, y, free = goal.x_px, goal.y_px, False
-            state = state._replace(place_ticks_left=0, by_rule=False)
-        else:
-            place, ticks, by_rule = self._choose_place(state, goal, rng)
-            (x, y), free = place, not by_rule and world.settings.wander == "film"
-            state = state._replace(place=place, place_ticks_left=ticks, by_rule=by_rule)
-        return state, Target(float(x), float(y), world.touch_px, world.head_px, free)
+            target = Target(float(goal.x_px), float(goal.y_px), world.touch_px, world.head_px)
+            return target, state.place, 0, False
+        place, ticks, by_rule = self._choose_place(state, goal, rng)
+        free = not by_rule and world.settings.wander == "film"
+        target = Target(float(place[0]), float(place[1]), world.touch_px, world.head_px, free)
+        return target, place, ticks, by_rule
 
     def _choose_place(
         self, state: State, rule: Rule | None, rng: np.random.Generator
@@ -244,10 +244,11 @@ class Planner:
     def _next_waypoint(self, fish: Fish, target: Target) -> Target:
         """Return the point to head for: the target, or the last one in sight on a path to it."""
         tank = self.world.tank
-        waypoint = next_aim(tank, (fish.x, fish.y), target, self.world.touch_px)
-        # `next_aim` gives the legal place nearest to the target, if that is in sight.
-        in_sight = waypoint[:2] == tank.nearest_legal_point(target.x, target.y)
-        return target if in_sight else waypoint
+        legal = tank.nearest_legal_point(target.x, target.y)
+        if np.hypot(legal[0] - fish.x, legal[1] - fish.y) < self.world.touch_px:
+            return target
+        x, y = tank.waypoint(fish.x, fish.y, *legal)
+        return target if (x, y) == legal else target._replace(x=x, y=y)
 
     def _plan_on_route(
         self, state: State, route: Route, rng: np.random.Generator
@@ -388,7 +389,7 @@ class Planner:
             tick_cost += p.path_late_cost * square_offset
         else:
             tick_cost += self._cost_of_rest(fish, objective)
-        return plan.cost > tick_cost * float(plan.ticks.sum())
+        return plan.cost > tick_cost * float(sum(plan.ticks))
 
     def _best_plan(
         self, source: MotionSource | None, fish: Fish, along_px: float, objective: Objective,
@@ -422,9 +423,7 @@ class Planner:
         is_alone, on_path = not start.company.near_count, len(objective.route.x) > 0
         wanders = objective.aim.free and not on_path
         weights = self._narrow_weights if wanders or not is_alone else self._weights
-        horizon = self._ticks_between_searches(objective) + self.world.to_ticks(
-            self.world.settings.look_ahead_deltas
-        )
+        horizon = self._ticks_between_searches(objective) + self._look_ahead_ticks
         outcomes, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
         if wanders and is_alone and outcomes.displaced.any() and np.isinf(outcomes.costs).all():
             # The cheapest branches are much alike, and may all run into one wall.
@@ -433,9 +432,10 @@ class Planner:
             )
         if not len(rows):
             return None
-        taken, ticks = int((candidates.rows == rows[0]).argmax()), source.graph.leg[rows]
-        ticks[-1] -= max(ticks.sum() - horizon, 0)  # the last leg ends at the horizon
-        return Plan(source.state, candidates, outcomes, taken, rows, ticks)
+        first_rows, ticks = rows.tolist(), source.graph.leg[rows].tolist()
+        taken = candidates.rows.tolist().index(first_rows[0])
+        ticks[-1] -= max(sum(ticks) - horizon, 0)  # the last leg ends at the horizon
+        return Plan(source.state, candidates, outcomes, taken, first_rows, ticks)
 
     def _swim_next_run(
         self, fish: Fish, before: Progress, objective: Objective, plan: Plan | None
@@ -458,8 +458,8 @@ class Planner:
             aim=self._point_ahead(objective, passage.along_px),
             touches_goal=passage.touches_target,
             decision=_explain_run(fish, source.state, passage, on_path, verdicts), kind=FRAME,
-            rot=wrap_deg(trajectory[:, 2] - self.world.film.heading[passage.rows]),
-            past=passage.past, steer=passage.corrections if on_path else None, options=verdicts,
+            rot=drawn_rotations(self.world.film.rows, passage.rows, trajectory), past=passage.past,
+            steer=passage.corrections if on_path else None, options=verdicts,
         )  # fmt: skip
         is_whole = len(trajectory) == run.ticks and not passage.touches_target
         later = tuple(later_runs) if is_whole else ()
@@ -498,9 +498,25 @@ class Planner:
 
     def _ticks_between_searches(self, objective: Objective) -> int:
         """Return how many ticks of a plan the fish swims before the next search."""
+        return self._commit_ticks[len(objective.route.x) > 0]
+
+    @cached_property
+    def _commit_ticks(self) -> tuple[int, int]:
+        """Return how many ticks of a plan a fish swims before the next search: off and on a path.
+
+        They are a whole number of strides.
+        """
         p, stride = self.world.settings, self._weights.stride
-        time_deltas = p.path_commit if len(objective.route.x) else p.replan_interval_deltas
-        return int(stride * max(1, self.world.to_ticks(time_deltas) // stride))
+        off_path, on_path = (
+            stride * max(1, self.world.to_ticks(time_deltas) // stride)
+            for time_deltas in (p.replan_interval_deltas, p.path_commit)
+        )
+        return off_path, on_path
+
+    @cached_property
+    def _look_ahead_ticks(self) -> int:
+        """Return how many ticks a search looks beyond those that the fish swims before the next."""
+        return self.world.to_ticks(self.world.settings.look_ahead_deltas)
 
     @cached_property
     def _fallback(self) -> Fallback:
@@ -516,6 +532,7 @@ class Planner:
     def _fish_after(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""
         world, ticks, last_row = self.world, len(stretch.trajectory), int(stretch.number[-1])
+        film_row = world.film.rows[last_row]
         x, y, heading = map(float, stretch.trajectory[-1])
         stays = stretch.decision.reason in (SPOT, WAITING)
         forget_tick = fish.tick - world.settings.repeat_memory * world.motion.delta
@@ -525,8 +542,8 @@ class Planner:
         past = stretch.past  # states of the forecast, the oldest first; in `Fish` the newest first
         assert stretch.rot is not None
         return Fish(
-            x, y, float(wrap(heading)), speed=0.0 if stays else float(world.film.speed[last_row]),
-            state=stretch.state, sprite=-1, phase=fish.phase, area=float(world.film.area[last_row]),
+            x, y, float(wrap(heading)), speed=0.0 if stays else float(film_row["speed"]),
+            state=stretch.state, sprite=-1, phase=fish.phase, area=float(film_row["area"]),
             tick=fish.tick + ticks, row=last_row, rot=float(stretch.rot[-1]),
             recent=recent, past=None if past is None else np.ascontiguousarray(past[ticks:][::-1]),
             lag=world.tempo.lag_after(fish.lag, stretch.trajectory, (fish.x, fish.y)),

@@ -116,18 +116,14 @@ class Outcomes(NamedTuple):
     terms (k, t): that cost term by term; ticks: duration of the best branch, else of the longest;
     displaced: whether no branch from it reached the end as cheaper ones took its place in the beam;
     during the search, whether any extension of its branches was left out for cheaper ones.
+    verdicts: indices in `VERDICTS`: good, passed over, or out of the tank.
     """
 
     costs: Floats
     terms: Floats
     ticks: Floats
     displaced: Mask
-
-    @property
-    def verdicts(self) -> NDArray[np.int8]:
-        """Return indices in `VERDICTS` (k,): good, passed over, or out of the tank."""
-        lost = np.where(np.isinf(self.costs), _TANK, 0)
-        return np.where(self.displaced, _PASSED_OVER, lost).astype(np.int8)
+    verdicts: NDArray[np.int8]
 
 
 class Extension(NamedTuple):
@@ -260,6 +256,8 @@ def beam_search(
         branch_count = extension_count
     for k in range(outcomes.displaced.size):  # not if a branch of the candidate reached the end
         outcomes.displaced[k] = outcomes.displaced[k] and outcomes.costs[k] == np.inf
+        if outcomes.costs[k] == np.inf:
+            outcomes.verdicts[k] = _PASSED_OVER if outcomes.displaced[k] else _TANK
     return outcomes, backtrack_rows(beam, best)
 
 
@@ -282,7 +280,7 @@ def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
     )  # fmt: skip
     outcomes = Outcomes(
         costs=np.full(count, np.inf), terms=np.zeros((count, len(TERMS))), ticks=np.zeros(count),
-        displaced=np.zeros(count, np.bool_),
+        displaced=np.zeros(count, np.bool_), verdicts=np.zeros(count, np.int8),
     )  # fmt: skip
     # A branch of one run for each candidate that fits.
     for k in range(count):

@@ -73,9 +73,10 @@ class FilmSource:
         row can be shown next.
         """
         film = self.graph.film
-        if fish.row < 0 or not film.rows["has_next"][fish.row]:
+        film_row = film.rows[fish.row]
+        if fish.row < 0 or not film_row["has_next"]:
             return None
-        dx, dy = rotate(film.rows["dx"][fish.row], film.rows["dy"][fish.row], fish.rot)
+        dx, dy = rotate(film_row["dx"], film_row["dy"], fish.rot)
         x, y = fish.x + dx, fish.y + dy
         start = _search_start(fish, x, y, fish.tick + 1, rest_cost, along_px)
         weights = self._world.cost_weights
@@ -138,7 +139,7 @@ class PredictionSource:
         film, row = self.graph.film, self._row_that_leads_on(fish)
         start = _search_start(fish, fish.x, fish.y, fish.tick, rest_cost, along_px)
         candidates = weigh_film_candidates(
-            film, row, fish.heading - float(film.heading[row]), start.recent, start.tick,
+            film, row, fish.heading - float(film.rows[row]["heading"]), start.recent, start.tick,
             self._world.cost_weights,
         )  # fmt: skip
         if not len(candidates.rows):
@@ -165,7 +166,7 @@ class PredictionSource:
         pose = np.array([fish.x, fish.y, fish.heading])
         predicted = predicted_trajectory(states, pose, self._step_scale)
         last_row = row + len(states)
-        rot = float(predicted[-1, 2] - film.rows["heading"][last_row])
+        rot = float(predicted[-1, 2] - film.rows[last_row]["heading"])
         planned = extend_trajectory_by_film(
             self.graph, predicted, last_row, rot, self._world.steering_ticks
         )
