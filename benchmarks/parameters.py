@@ -83,7 +83,6 @@ WHEN: dict[str, str] = {
     "extract.tracks_path": "tracks of another program",
     "identity": "tracks that end and begin again: several animals that cross",
     "calibrate": "films of several animals",
-    "gait.limbs": "a film of limbs of one's own",
     "gait.regions": "a film of limbs of one's own",
     "gait.symmetry": "a film of limbs of one's own",
     "loops.loop_end_choice": "loop ends at which two ways pass the tests, as on the zebrafish",

@@ -100,13 +100,12 @@ def _missing_files(values: Groups) -> Iterator[str]:
 
     Files that conf/ names by default are not checked: they are in the repository.
     """
-    uses_regions = values["gait"]["limbs"] == "regions"
     paths_by_parameter = {
         "clip.arena": values["clip"].get("arena"),
         "extract.tracks_path": values["extract"]["tracks_path"],
         "matching.path": values["matching"]["path"],
         "retarget.tracks": values["retarget"]["tracks"],
-        "gait.regions": values["gait"]["regions"] if uses_regions else None,
+        "gait.regions": values["gait"]["regions"],
         "gait.walker_drawings": values["gait"]["walker_drawings"],
         "gait.swimmer_drawings": values["gait"]["swimmer_drawings"],
         "gait.swimmer_gait": values["gait"]["swimmer_gait"],

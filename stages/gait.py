@@ -229,18 +229,23 @@ def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, CyclePictures | 
     The dog's film is written to `folder`. There are no pictures, None, for `p.regions`.
     """
     pictures: CyclePictures | None = None
-    if p.limbs == "dog":
+    if p.regions is None:
         pictures = _draw_dog_film(_dog_film(p), folder)
         regions, rate, name = folder / "regions", p.dog_rate_hz, "dog_walk"
         source = "the film of the drawn dog"
     else:
-        assert p.regions is not None and p.regions_rate_hz is not None
+        assert p.regions_rate_hz is not None
         regions, rate = Path(p.regions), p.regions_rate_hz
         name, source = regions.name, f"regions in {regions.name}"
-    cycle_frames = p.regions_cycle_frames if p.limbs == "regions" else None
     traces = load_regions(regions, region_contour, check_traced_contour)
     walk, beat, contours = walker_gait_contours(
-        traces.frames, rate, p.contour_points, p.split, traces.first, p.symmetry, cycle_frames
+        traces.frames,
+        rate,
+        p.contour_points,
+        p.split,
+        traces.first,
+        p.symmetry,
+        p.regions_cycle_frames,
     )
     for note in contours.notes:
         print(f"gait: {note}")
@@ -308,7 +313,7 @@ def main() -> None:
             "tracks_rms_linear_median_pct": float(tracks["rms_linear_pct"].median()),
         }
         gammas = {film: _gamma_table(film, fit.gait) for film, fit in fits.items()}
-        if p.limbs == "dog":
+        if p.regions is None:
             _fill_in_reference_gammas(_dog_film(p), gammas["limbs"], p)
             numbers |= _gamma_errors(gammas["limbs"])
         save_csv(folder / "gamma.csv", pd.concat(gammas.values(), ignore_index=True), decimals=4)

@@ -160,7 +160,7 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     save_masks(folder / "own", masks)
     for path in sorted((folder / "own").glob("*/*.png"), reverse=True):
         path.rename(path.with_stem(f"{int(path.stem) + 1:04}"))
-    prepare(folder, *SMALL, "gait.limbs=regions", "gait.regions=own",
+    prepare(folder, *SMALL, "gait.regions=own",
             "gait.regions_rate_hz=24", "gait.gamma=scale")  # fmt: skip
     put_fish(folder, False, frames=20)
     stages.gait.main()
@@ -189,7 +189,7 @@ def test_one_cycle_of_a_gallop_is_fitted_and_moves_four_key_poses(folder, monkey
         "draw_gait_figures",
         lambda *given: drawn.update(islice(figures(*given), 4)) or iter(()),
     )
-    prepare(folder, *SMALL, "gait.limbs=regions", "gait.regions=data/gaits/horse",
+    prepare(folder, *SMALL, "gait.regions=data/gaits/horse",
             "gait.regions_rate_hz=30", "gait.regions_cycle_frames=15", "gait.symmetry=none",
             "gait.walker_drawings=[" + ",".join(GALLOP) + "]")  # fmt: skip
     put_fish(folder, False, frames=10)
@@ -210,7 +210,7 @@ def test_one_cycle_of_a_gallop_is_fitted_and_moves_four_key_poses(folder, monkey
     ("asked", "said"),
     [
         (("gait.contour_points=100",), "power of two"),
-        (("gait.limbs=regions",), "regions_rate_hz"),
+        (("gait.regions=data/gaits/horse",), "regions_rate_hz"),
         (("gait.symmetry=none",), "the drawn dog walks"),
         (("gait.walker_drawings=[" + ",".join(GALLOP) + "]",), "walker_drawings needs 2 key poses"),
         (("gait.walker_drawings=[data/drawings/dog_1.svg,data/drawings/fish_2.svg]",), "do not match"),

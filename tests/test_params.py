@@ -604,7 +604,7 @@ def test_where_the_file_is_not_its_values_are_checked(own_folder, capsys):
         ("animate.goals=[[0,1,0]]", "animate.goals: [0, 1, 0] is not [x, y]"),
         ("extract.tracks_path=gone.h5", "extract.tracks_path: there is nothing at"),
         ("morph.last_drawing=gone.svg", "morph.last_drawing: there is nothing"),
-        ("gait.limbs=regions gait.regions=gone gait.regions_rate_hz=30", "gait.regions: there is nothing"),
+        ("gait.regions=gone gait.regions_rate_hz=30", "gait.regions: there is nothing"),
         ("render.mode=retarget", "render.mode: retarget shows retarget.tracks, which names none"),
     ],
 )  # fmt: skip

@@ -153,7 +153,7 @@ def draw_gaits(folder: Path) -> None:
     """Save figures of the drawn dog's walk beside those of the traced horse's gallop."""
     poses = ",".join(f"data/drawings/dog_gallop_{key}.svg" for key in (1, 2, 3, 4))
     horse = [
-        "gait.limbs=regions", "gait.regions=data/gaits/horse", "gait.regions_rate_hz=30",
+        "gait.regions=data/gaits/horse", "gait.regions_rate_hz=30",
         "gait.regions_cycle_frames=15", "gait.symmetry=none", f"gait.walker_drawings=[{poses}]",
     ]  # fmt: skip
     figures = []

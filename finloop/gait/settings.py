@@ -17,7 +17,6 @@ Symmetry = Literal["swap", "mirror", "none"]
 class GaitSettings:
     """Parameters of `gait`: where limbs come from, how a gait is fitted, what it then drives."""
 
-    limbs: Literal["dog", "regions"]
     regions: str | None
     regions_rate_hz: Positive | None
     regions_cycle_frames: Positive | None
@@ -43,6 +42,7 @@ class GaitSettings:
     frame_rate_hz: ClassVar[float] = 40.0
     size_px: ClassVar[int] = 512  # px, longer side of the films; the SVG has any size
     RENAMED: ClassVar = {
+        "limbs": "limbs are those of regions, a folder; without one, the drawn dog's",
         "points": "contour_points",
         "per_scale": "gamma",
         "gamma_per_scale": "gamma",
@@ -59,10 +59,12 @@ class GaitSettings:
             raise ValueError("contour_points is no power of two")
         if self.contour_points >> self.level < 4:
             raise ValueError("level leaves a contour fewer than 4 control points")
-        if self.limbs == "regions" and (self.regions is None or self.regions_rate_hz is None):
-            raise ValueError("limbs=regions needs regions, a folder, and regions_rate_hz")
-        if self.limbs == "dog" and self.symmetry == "none":
-            raise ValueError("symmetry=none needs limbs=regions: the drawn dog walks")
+        if self.regions is not None and self.regions_rate_hz is None:
+            raise ValueError("regions needs regions_rate_hz, the frame rate of their film")
+        if self.regions is None and self.regions_cycle_frames is not None:
+            raise ValueError("regions_cycle_frames needs regions, a folder")
+        if self.regions is None and self.symmetry == "none":
+            raise ValueError("symmetry=none needs regions, a folder: the drawn dog walks")
         poses = 4 if self.symmetry == "none" else 2
         if len(self.walker_drawings) != poses:
             raise ValueError(f"walker_drawings needs {poses} key poses: symmetry={self.symmetry}")
