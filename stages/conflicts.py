@@ -111,6 +111,7 @@ def _missing_files(values: Groups) -> Iterator[str]:
         "gait.swimmer_gait": values["gait"]["swimmer_gait"],
         "morph.first_drawing": values["morph"]["first_drawing"],
         "morph.last_drawing": values["morph"]["last_drawing"],
+        "morph.pairs": values["morph"]["pairs"],
     }
     for name, paths in paths_by_parameter.items():
         group, key = name.split(".")
