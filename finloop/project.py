@@ -352,8 +352,8 @@ class Project:
     # --- animations
 
     @cached_property
-    def swimming(self) -> MotionStatistics:
-        """Return what the film teaches of swimming, such as its turns, as filmed."""
+    def motion_statistics(self) -> MotionStatistics:
+        """Return statistics of the film's motion, such as its turns, at the filmed size."""
         from finloop.animate.motion import learn_motion
         from finloop.features.table import infer_delta_frames
 
@@ -381,7 +381,7 @@ class Project:
         from finloop.modes.animator import FilmData, prepare_mode_assets
 
         film_data = FilmData(
-            self.swimming, self.arena, self.background, reel, self.outlines, self.poses,
+            self.motion_statistics, self.arena, self.background, reel, self.outlines, self.poses,
             self.map_facts, self.step_distances,
         )  # fmt: skip
         return prepare_mode_assets(film_data, self.settings("animate"))

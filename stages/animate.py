@@ -115,7 +115,7 @@ def main() -> None:
     """
     with Project() as project:
         features = project.features
-        motion = project.swimming
+        motion = project.motion_statistics
         film_motion = measures.motion_of_film(features, motion)
         numbers = {mode: _load_mode_numbers(mode) for mode in _list_animated_modes()}
         film = _measure_film(project, motion, film_motion)

@@ -59,7 +59,7 @@ class GalleryOpener:
     project: Project
 
     def __call__(self) -> AbstractContextManager[Gallery]:
-        """Return the gallery of the film's pictures, as a context; the project closes it."""
+        """Return the gallery of the film's pictures as a context that leaves it open at its end."""
         return nullcontext(self.project.whole_gallery)
 
 

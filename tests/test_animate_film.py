@@ -20,7 +20,7 @@ from finloop.animate.memory import (
     mark_rows,
     remember_rows,
 )
-from finloop.animate.silhouettes import FilmOutlines, FrameHulls
+from finloop.animate.silhouettes import FilmOutlines, FrameOutlines
 from finloop.animate.size import measure_reach
 from finloop.animate.state import Fish, State
 from finloop.distance.picture import BODY, FILM
@@ -522,7 +522,7 @@ def test_outlines_of_frames_are_ahead_and_to_the_left():
     # A fish headed up the screen: its head above the centre, its left to the left.
     places = pd.DataFrame({"x_px": [100.0], "y_px": [50.0], "heading_deg": [90.0]})
     outline = np.array([[[100.0, 30.0], [95.0, 50.0], [100.0, 80.0]]])
-    hull = FrameHulls(FilmOutlines.from_rows(outline, places), np.array([2.0]))
+    hull = FrameOutlines(FilmOutlines.from_rows(outline, places), np.array([2.0]))
     assert hull[:][0] == pytest.approx(np.array([[40, 0], [0, 10], [-60, 0]]), abs=1e-4)
 
 
@@ -531,7 +531,7 @@ def test_the_widest_frames_are_barred():
     hulls = np.repeat(hull[None].astype(np.float32), 1000, axis=0)
     hulls[::200] *= 3
     places = pd.DataFrame(np.full((1000, 3), 50.0), columns=["x_px", "y_px", "heading_deg"])
-    frames = FrameHulls(FilmOutlines.from_rows(hulls + 50, places), np.ones(1000))
+    frames = FrameOutlines(FilmOutlines.from_rows(hulls + 50, places), np.ones(1000))
     most, barred = measure_reach([hull], frames, 0.99)
     assert most == pytest.approx(np.hypot(20, 5), rel=1e-6)
     assert list(np.flatnonzero(barred)) == list(range(0, 1000, 200))

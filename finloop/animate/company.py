@@ -22,7 +22,7 @@ _TICKS = 64  # for which planned trajectories have memory at first; it grows
 _EDGE_PX = 1.5  # added to radii: pixels of both bodies have corners
 
 
-class Hulls(Protocol):
+class Outlines(Protocol):
     """Outlines (n, p, 2) that are read in slices: an array, or one that stays in a file."""
 
     def __len__(self) -> int:
@@ -190,38 +190,40 @@ def sort_near_first(company: Company, x: float, y: float, farthest_px: Floats) -
     return Company(company.start, places, company.discs, company.until, near_count)
 
 
-def cover_with_discs(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
+def cover_with_discs(frame_outlines: Outlines, sprite_outlines: Sequence[Floats]) -> Discs:
     """Return the discs that cover outlines, of frames (n, p, 2) and then of sprites, (p, 2) each.
 
     Outlines are px ahead of and to the left of the mass centre.
     """
-    frame_discs = map_row_blocks(lambda rows: _disc_table(frame_hulls[rows]), len(frame_hulls))
-    sprite_discs = [_disc_table(hull[None]) for hull in sprite_hulls]
+    frame_discs = map_row_blocks(
+        lambda rows: _disc_table(frame_outlines[rows]), len(frame_outlines)
+    )
+    sprite_discs = [_disc_table(outline[None]) for outline in sprite_outlines]
     table = np.concatenate([*frame_discs, *sprite_discs])
     reach = np.hypot(table[..., 0], table[..., 1]) + table[..., 2]
-    return Discs(table, len(frame_hulls), float(reach.max()))
+    return Discs(table, len(frame_outlines), float(reach.max()))
 
 
-def _disc_table(hulls: Reals) -> Floats:
+def _disc_table(outlines: Reals) -> Floats:
     """Return the discs (n, k, 3) that cover outlines (n, p, 2): see `_cover_outlines`."""
-    return np.asarray(_cover_outlines(np.ascontiguousarray(hulls, float)))
+    return np.asarray(_cover_outlines(np.ascontiguousarray(outlines, float)))
 
 
 @kernel
-def _cover_outlines(hulls):  # type: ignore[no-untyped-def]
+def _cover_outlines(outlines):  # type: ignore[no-untyped-def]
     """Return the discs (n, k, 3) that cover outlines (n, p, 2), one for each slice of the length.
 
     A disc: px ahead of and to the left of the mass centre, and radius. The outline is cut across
     into k slices of equal length.
     """
-    discs, extents = np.empty((len(hulls), _DISCS, 3)), np.empty((_DISCS, 2))
-    for n in range(len(hulls)):
-        hull = hulls[n]
-        back = hull[:, 0].min()
-        thickness = max(hull[:, 0].max() - back, 1e-9) / _DISCS  # of a slice, along the body
+    discs, extents = np.empty((len(outlines), _DISCS, 3)), np.empty((_DISCS, 2))
+    for n in range(len(outlines)):
+        outline = outlines[n]
+        back = outline[:, 0].min()
+        thickness = max(outline[:, 0].max() - back, 1e-9) / _DISCS  # of a slice, along the body
         extents[:, 0], extents[:, 1] = np.inf, -np.inf
-        for p in range(len(hull)):
-            before, point = hull[p - 1], hull[p]
+        for p in range(len(outline)):
+            before, point = outline[p - 1], outline[p]
             ahead = (before[0] - back) / thickness, (point[0] - back) / thickness
             _widen_slices(extents, ahead, (before[1], point[1]))
         for k in range(_DISCS):
@@ -235,10 +237,10 @@ def _cover_outlines(hulls):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _widen_slices(extents, ahead, left):  # type: ignore[no-untyped-def]
-    """Widen the slices of a body so that they hold one side of its outline.
+    """Widen the slices of a body, in place, so that they hold one straight side of its outline.
 
-    extents (k, 2): lowest and highest px to the left in each slice, changed in place; ahead, left:
-    of the side's two ends; ahead in slices from the back, left in px.
+    extents (k, 2): lowest and highest px to the left in each slice. ahead, left: where the side's
+    two ends are; ahead in slices from the back, left in px.
     """
     back, front = min(ahead), max(ahead)
     for k in range(min(int(back), _DISCS - 1), min(int(front), _DISCS - 1) + 1):

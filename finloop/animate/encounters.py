@@ -33,15 +33,15 @@ class PlacedPicture(NamedTuple):
 
 
 def place_outline(
-    hull: Floats, x_px: float, y_px: float, heading_deg: float, mirrored: bool
+    outline: Floats, x_px: float, y_px: float, heading_deg: float, mirrored: bool
 ) -> Floats:
     """Return an outline (p, 2) on screen, x, y px, from one about the mass centre.
 
-    hull (p, 2): px ahead of and to the left of the mass centre; x_px, y_px, heading_deg: of the
+    outline (p, 2): px ahead of and to the left of the mass centre; x_px, y_px, heading_deg: of the
     fish; mirrored: whether left is right.
     """
     # A function for screen to body serves here, too: it is its own inverse, a reflection.
-    offsets = to_body_axes(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))
+    offsets = to_body_axes(outline * (1, -1 if mirrored else 1), np.radians(heading_deg))
     return np.asarray(offsets + np.array([x_px, y_px]))
 
 
@@ -51,8 +51,8 @@ def outline_on_screen(player: AnyPlayer, edit_row: Any) -> Floats:
     edit_row: has the fields of `PlacedPicture`.
     """
     mirrored = edit_row.kind == FRAME and edit_row.mirrored
-    hull = player.silhouettes.hull(edit_row.kind, edit_row.source)
-    return place_outline(hull, edit_row.x_px, edit_row.y_px, edit_row.heading_deg, mirrored)
+    outline = player.silhouettes.outline(edit_row.kind, edit_row.source)
+    return place_outline(outline, edit_row.x_px, edit_row.y_px, edit_row.heading_deg, mirrored)
 
 
 def do_outlines_overlap(first: Floats, second: Floats) -> bool:

@@ -223,7 +223,7 @@ def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     wall_px[in_picture] = tank.depth_px[row, column]
     pictures = edit.groupby(["kind", "source", "mirrored"]).indices
     for (kind, source, mirrored), shown in pictures.items():
-        ahead, left = player.silhouettes.hull(str(kind), int(source)).T
+        ahead, left = player.silhouettes.outline(str(kind), int(source)).T
         left = -left if mirrored else left
         # Only ticks at which the outline can reach the wall need a test.
         ticks = shown[wall_px[shown] <= np.hypot(ahead, left).max() + _ROUNDED_PX]

@@ -112,8 +112,8 @@ def mark_rows(marks: int, first: int, last: int) -> int:
 def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: float) -> Ints:
     """Return a memory with rows first … last added, shown one after the other from `tick` on.
 
-    memory (m, 3): stretches of film on screen: first row, last row, tick of the first. What was
-    shown at `forget_tick` or before is forgotten.
+    memory (m, 3): stretches of film on screen: first row, last row, tick of the first. It keeps the
+    last time of each row, and drops what was shown at `forget_tick` or before.
     """
     kept = np.empty((len(memory) + 2, 3), np.int64)  # one stretch may be cut in two
     count, added = 0, False

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.arena import FilmHulls
-from finloop.animate.company import Discs, Hulls, cover_with_discs
+from finloop.animate.company import Discs, Outlines, cover_with_discs
 from finloop.base.arrays import Floats, Reals
 from finloop.base.kernel import kernel
 from finloop.base.parallel import map_row_blocks
@@ -50,7 +50,7 @@ class FilmOutlines:
 
 
 @dataclass(frozen=True)
-class FrameHulls:
+class FrameOutlines:
     """Outlines (n, k, 2) of a film's frames, px ahead of and to the left of the mass centre.
 
     They are computed on access: those of a film of hours stay in their file. filmed: the outlines
@@ -107,13 +107,13 @@ def _reach_from_centre(points, centres):  # type: ignore[no-untyped-def]
 class Silhouettes:
     """The table of sprites (s rows), and the outlines of all pictures: sprites and frames.
 
-    sprite_hulls: the outline (k, 2) of every sprite, px ahead of and to the left of the mass
-    centre, as drawn; frame_hulls: the outlines of the film's frames.
+    sprite_outlines: the outline (k, 2) of every sprite, px ahead of and to the left of the mass
+    centre, as drawn; frame_outlines: the outlines of the film's frames.
     """
 
     sprites: pd.DataFrame
-    sprite_hulls: Sequence[Floats]
-    frame_hulls: Hulls
+    sprite_outlines: Sequence[Floats]
+    frame_outlines: Outlines
 
     @cached_property
     def sprite_scale(self) -> Floats:
@@ -123,13 +123,13 @@ class Silhouettes:
     @cached_property
     def discs(self) -> Discs:
         """Return the discs that together cover the body, for every frame and sprite."""
-        return cover_with_discs(self.frame_hulls, self.sprite_hulls)
+        return cover_with_discs(self.frame_outlines, self.sprite_outlines)
 
-    def hull(self, kind: str, source: int) -> Floats:
+    def outline(self, kind: str, source: int) -> Floats:
         """Return the outline (p, 2) of a frame or sprite, px ahead and left of its mass centre.
 
         kind: FRAME or SPRITE; source: row of the film, or number of the sprite.
         """
         if kind == FRAME:
-            return self.frame_hulls[source : source + 1][0].astype(float)
-        return self.sprite_hulls[source]
+            return self.frame_outlines[source : source + 1][0].astype(float)
+        return self.sprite_outlines[source]

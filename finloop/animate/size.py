@@ -8,7 +8,7 @@ import pandas as pd
 
 from finloop.animate.arena import choose_fish_area, size_that_fits
 from finloop.animate.settings import AnimateSettings as CommonSettings
-from finloop.animate.silhouettes import FilmOutlines, FrameHulls
+from finloop.animate.silhouettes import FilmOutlines, FrameOutlines
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.distance.reel import Reel
 from finloop.sprites.orient import sprite_outlines
@@ -17,13 +17,13 @@ from finloop.sprites.orient import sprite_outlines
 class ScaledFilm(NamedTuple):
     """A film at its drawn size.
 
-    reel: its pictures; hulls: outlines of its frames; area (h, w): where its fish may be; reach_px:
+    reel: its pictures; outlines: of its frames; area (h, w): where its fish may be; reach_px:
     how far the fish reaches from its centre; barred (n,): whether a frame reaches farther, and is
     not shown.
     """
 
     reel: Reel
-    hulls: FrameHulls
+    outlines: FrameOutlines
     area: Mask
     reach_px: float
     barred: Mask
@@ -39,26 +39,26 @@ def scale_film(
     barred from the animation: see `p.reach_quantile`.
     """
     scale = (reel.length_px / reel.lengths_px).astype(float)
-    filmed = FrameHulls(outlines, scale)
-    hulls = sprite_outlines(reel) if len(reel.sprites) else []
-    reach_px, barred = measure_reach(hulls, filmed, p.reach_quantile)
+    filmed = FrameOutlines(outlines, scale)
+    of_sprites = sprite_outlines(reel) if len(reel.sprites) else []
+    reach_px, barred = measure_reach(of_sprites, filmed, p.reach_quantile)
     size = 1.0 if p.fish_scale == "auto" else p.fish_scale
     area = choose_fish_area(arena, outlines.hulls, size * reach_px, p.tank, floor)
     size = size_that_fits(area, reach_px) if p.fish_scale == "auto" else size
-    drawn = FrameHulls(outlines, size * scale)
+    drawn = FrameOutlines(outlines, size * scale)
     return ScaledFilm(reel.scale_to(size), drawn, area, size * reach_px, barred)
 
 
 def measure_reach(
-    sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float
+    of_sprites: Sequence[Floats], of_frames: FrameOutlines, quantile: float
 ) -> tuple[float, Mask]:
     """Return how far a fish reaches from its centre, px, and which frames (n,) reach farther.
 
-    sprite_hulls: outlines (k, 2) of sprites, all of which count; hulls: of frames; quantile: 0-1,
-    of the frames' reach, as the widest are mostly faults.
+    of_sprites: outlines (k, 2), all of which count; of_frames: outlines; quantile: 0-1, of the
+    frames' reach, as the widest are mostly faults.
     """
-    frame_reach = hulls.reach_px
-    sprite_reach = max((float(np.hypot(*hull.T).max()) for hull in sprite_hulls), default=0.0)
+    frame_reach = of_frames.reach_px
+    sprite_reach = max((float(np.hypot(*outline.T).max()) for outline in of_sprites), default=0.0)
     reach_px = max(sprite_reach, float(np.quantile(frame_reach, quantile)))
     return reach_px, frame_reach > reach_px
 

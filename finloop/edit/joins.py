@@ -231,11 +231,11 @@ def _remaining_offsets(
 
 
 def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[Floats, Floats]:
-    """Return how far, at each join, what is due is from what is drawn; and the same of velocities.
+    """Return the offset of the body at each join, and that of its velocity per tick.
 
-    Both are due − drawn, (ticks, c + 1), 0 at other ticks: c pose codes (principal-component
-    scores), then the heading in degrees; velocities are per tick. drawn: bodies of all ticks; old
-    (k,): those that the film would show at the joins.
+    Both are the body that the film would show minus the drawn one, (ticks, c + 1), 0 at other
+    ticks: c pose codes (principal-component scores), then the heading in degrees. drawn: bodies of
+    all ticks; old (k,): those that the film would show at the joins.
     """
     new, ticks = drawn.select(joins), len(drawn.row)
     ahead = np.minimum(joins + 1, ticks - 1)  # the tick after each join

@@ -95,7 +95,7 @@ def extract_tracks(
     track_ids, frames, areas = array("i"), array("i"), array("f")  # of every fish in every frame
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
-        """Yield the fish of long tracks, frame by frame, and count them."""
+        """Yield the fish of long tracks, frame by frame; keep what the tables say of them."""
         detections = film.fill_lost_frames(
             film.detect_in_clip(stream, scene, detector, workers), lost
         )

@@ -109,7 +109,8 @@ def join_contours(
 def _find_carriers(names: Sequence[str], key: Mapping[str, Points]) -> list[tuple[str, str]]:
     """Return (contour, its carrier) for all contours of a limb but the largest.
 
-    A carrier is the nearest contour among the largest and those before. key: contours (n, 2) by id.
+    The carrier is the nearest of the largest contour and those listed before. key: contours (n, 2)
+    by id.
     """
     largest = max(names, key=lambda name: float(np.hypot(*np.ptp(key[name], axis=0))))
     placed, left, pairs = [largest], [name for name in names if name != largest], []

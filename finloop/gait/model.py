@@ -163,10 +163,10 @@ class Gait:
         return tuple(self.gamma.get(name, self.gamma.get(POOLED, {})).get(letter, (0.0,)))
 
     def limb_gamma(self, name: str, letter: str) -> float:
-        """Return one γ for a contour in a subcycle: the mean of its γ by energy of motion.
+        """Return one γ for a contour in a subcycle: the mean of its γ, weighted by motion energy.
 
-        name, letter: the contour's id and the subcycle. The weights are squares of `motion`. With
-        it the result is γ that least squares give for the whole limb; without it all γ weigh alike.
+        name, letter: the contour's id and the subcycle. The weights are squares of `motion`, so
+        that the result is the whole limb's least-squares γ. Without `motion` all γ weigh the same.
         """
         gammas = np.array(self.gamma[name][letter])
         weights = np.square(self.motion.get(name, {}).get(letter, np.zeros_like(gammas)))

@@ -370,11 +370,11 @@ def renumber_curve(reference: Points, curve: Curve, usual_turn: complex | None =
 def mirrored_point_orders(
     key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
 ) -> dict[str, Ints]:
-    """Return, by id, the order (n,) of points in which mirrored key poses fit the others best.
+    """Return by id the order (n,) of a contour's points in its mirrored key poses.
 
     key1, key2: contours (n, 2) by id; closed: by id. `gait.model.four_key_frames` mirrors key 1
-    into 1' and key 2 into 2' with these orders. The cycle blends 1' with 2 and 2' with 1. An id and
-    its partner share one order.
+    into 1' and key 2 into 2' with these orders. They fit 1' to 2 and 2' to 1 best, as the cycle
+    blends these. An id and its partner share one order.
     """
     orders = dict[str, Ints]()
     for name in key1:

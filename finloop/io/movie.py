@@ -157,7 +157,7 @@ class FilmWriter(ABC):
         return self._stack.__exit__(*error)
 
 
-def _subsample_chroma(
+def _convert_to_yuv(
     frame: Picture, matrix: Colorspace, size: tuple[int, int] | None = None
 ) -> VideoFrame:
     """Convert a frame, grey or RGB, to YUV 4:2:0 of limited range (16 … 235).
@@ -245,7 +245,7 @@ class Mp4Writer(FilmWriter):
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
         """Convert an RGB frame, padded to even sides, to YUV 4:2:0, BT.709, limited range."""
-        return _subsample_chroma(self._pad_to_even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
+        return _convert_to_yuv(self._pad_to_even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
 
 
 class WebpWriter(FilmWriter):
@@ -273,7 +273,7 @@ class WebpWriter(FilmWriter):
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
         """Convert an RGB frame to the size of the file and to YUV 4:2:0, BT.601."""
-        return _subsample_chroma(frame, Colorspace.ITU601, self._size)  # as WebP is defined
+        return _convert_to_yuv(frame, Colorspace.ITU601, self._size)  # as WebP is defined
 
 
 class WebmWriter(FilmWriter):

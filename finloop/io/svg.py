@@ -311,7 +311,7 @@ def _decode_id(text: str) -> str:
 
 def _open_picture(root: ElementTree.Element) -> tuple[tuple[float, float], _Surroundings]:
     """Return width and height of the picture, px, and what its root gives its elements."""
-    box = _read_box(root)
+    box = _read_view_box(root)
     width, height = (
         None if text is None or (box is None and text.strip().endswith("%"))
         else read_length(key, text, box[at] if box else 0.0)
@@ -329,8 +329,8 @@ def _open_picture(root: ElementTree.Element) -> tuple[tuple[float, float], _Surr
     return (width, height), _Surroundings("contour", (), {}, matrix, (across, down))
 
 
-def _read_box(element: ElementTree.Element) -> tuple[float, float, float, float] | None:
-    """Return the viewBox of an element; None if it states none."""
+def _read_view_box(element: ElementTree.Element) -> tuple[float, float, float, float] | None:
+    """Return x, y, width and height of an element's viewBox; None if it has none."""
     if (text := element.get("viewBox")) is None:
         return None
     parts = re.split(r"[\s,]+", text.strip())
@@ -450,7 +450,7 @@ def _open_viewport(
         read_length(key, element.get(key, "100%"), size)
         for key, size in zip(("width", "height"), group.size, strict=True)
     )
-    box = _read_box(element)
+    box = _read_view_box(element)
     if box is None:
         matrix, size = svg.Matrix(1, 0, 0, 1, x, y), (width, height)
     else:

@@ -74,7 +74,7 @@ class Animator:
     p: AnimateSettings
 
     @property
-    def fish(self) -> int:
+    def fish_count(self) -> int:
         """Return the number of fish that swim together in an animation."""
         return 1
 
@@ -114,10 +114,10 @@ class Animator:
 
         goals: of the animation. Only the first stretch of each fish is planned.
         """
-        if self.fish == 1:
+        if self.fish_count == 1:
             return
         for tasks in (self.tasks(goals), *map(self.trial_tasks, range(self.p.trials))):
-            settle_fish(self.player, tasks, Plans(self.fish))
+            settle_fish(self.player, tasks, Plans(self.fish_count))
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
         """Return an animation to `goals`: each fish's stretches, and the edit list (`EDIT`).
@@ -131,7 +131,7 @@ class Animator:
 
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
         """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
-        world, count = self.player.world, self.p.trial_goals * self.fish
+        world, count = self.player.world, self.p.trial_goals * self.fish_count
         goals = [
             goal._replace(radius_px=world.touch_px)
             for goal in random_goals(world, count, np.random.default_rng(seed))
@@ -179,8 +179,8 @@ def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
     )
     bodies = Bodies(film_data.poses, reel.has_next_frame, reel.sprites)
     pictures = Pictures(reel, film_data.map_facts.size, bodies)
-    hulls = sprite_outlines(reel) if len(reel.sprites) else []
-    silhouettes = Silhouettes(reel.sprites, hulls, scaled.hulls)
+    of_sprites = sprite_outlines(reel) if len(reel.sprites) else []
+    silhouettes = Silhouettes(reel.sprites, of_sprites, scaled.outlines)
     return ModeAssets(film_data, scaled, world, pictures, silhouettes)
 
 

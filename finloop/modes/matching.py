@@ -69,7 +69,7 @@ class MatchingAnimator(Animator):
         return self.player.world
 
     @property
-    def fish(self) -> int:
+    def fish_count(self) -> int:
         """Return the number of fish that swim together in an animation."""
         return self.p.fish
 
@@ -79,7 +79,7 @@ class MatchingAnimator(Animator):
         FinloopError if a goal is out of reach, two fish that may not overlap are sent to one place
         at the same time, or fish are to swim by zones and no rule for it is known.
         """
-        if self.p.rule == "zones" and self.fish > 1:
+        if self.p.rule == "zones" and self.fish_count > 1:
             require_rule(self.player.shoaling)
         if not self.seekers:
             return []
@@ -95,7 +95,7 @@ class MatchingAnimator(Animator):
         FinloopError if the rules contradict each other.
         """
         no_draws = np.random.default_rng()  # tasks need a generator, from which nothing is drawn
-        tasks = add_rules(make_tasks([], self.fish, no_draws), self.p)
+        tasks = add_rules(make_tasks([], self.fish_count, no_draws), self.p)
         return [fish for fish, task in enumerate(tasks) if not task.zones and task.follows is None]
 
     @property
@@ -126,7 +126,7 @@ class MatchingAnimator(Animator):
         self, goals: Sequence[Goal], goal_seekers: Sequence[int], rng: np.random.Generator
     ) -> list[SwimTask]:
         """Return the tasks of all fish by the parameters' rules; `goal_seekers` share the goals."""
-        tasks = add_rules(make_tasks([], self.fish, rng), self.p)
+        tasks = add_rules(make_tasks([], self.fish_count, rng), self.p)
         for fish, dealt in zip(goal_seekers, deal_goals(goals, len(goal_seekers)), strict=True):
             tasks[fish] = tasks[fish]._replace(goals=dealt)
         return tasks

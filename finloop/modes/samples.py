@@ -23,8 +23,8 @@ def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) ->
     NoRoom after 100 of them in a row.
     """
     seeds, parts = count(p.seed + 1), list[pd.DataFrame]()
-    seconds_a_fish = seconds / animator.fish
-    for number in range(int(np.ceil(seconds / p.seconds / animator.fish))):
+    seconds_a_fish = seconds / animator.fish_count
+    for number in range(int(np.ceil(seconds / p.seconds / animator.fish_count))):
         rest = seconds_a_fish - number * p.seconds
         edit = _sample_with_room(animator, min(p.seconds, rest), seeds)
         for fish_edit in split_by_fish(edit):

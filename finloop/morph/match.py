@@ -206,7 +206,7 @@ def _run_alike(a: Curve, b: Curve, pins: Pins) -> Curve:
 
 
 def _length_shares(curve: Curve, points: Floats) -> Floats:
-    """Return where on a curve the places nearest to points (k, 2) are, in shares of its length."""
+    """Return the positions (k,) on a curve nearest to points (k, 2), as shares of its length."""
     along = _lengths(curve)
     places, _ = nearest_on_curve(points, curve)
     return np.asarray(np.interp(places, np.arange(len(along)), along) / along[-1])

@@ -368,7 +368,7 @@ class Planner:
         return sorted(plans, key=lambda plan: (self._full_cost(plan), -plan.outcomes.ticks.max()))
 
     def _full_cost(self, plan: Plan) -> float:
-        """Return the cost of a plan, in ticks, with that of leaving the film if it is predicted.
+        """Return the cost of a plan, in ticks; a predicted one also pays for leaving the film.
 
         Leaving the film costs as much as a discontinuity of one natural step.
         """

@@ -83,13 +83,13 @@ def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: flo
 def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bool:
     """Return whether a picture at x, y px and a heading in degrees is inside the tank.
 
-    picture: film row, or −1 − number of a sprite. At a roomy pixel every picture is, at every
-    heading; elsewhere all discs of its body must be.
+    picture: film row, or −1 − number of a sprite. At a roomy pixel every picture fits at every
+    heading; elsewhere all discs of its body must be inside.
     """
     roomy, column, row = bounds.roomy, round(x), round(y)
     if not (0 <= row < roomy.shape[0] and 0 <= column < roomy.shape[1]):
         return False
-    # The cells only save time: their table is small, and so they are asked before the pixel.
+    # The cells only save time: their table is small, so it is read before the pixel.
     cell_row, cell_column = row >> _CELL_BITS, column >> _CELL_BITS
     if bounds.roomy_cells[cell_row, cell_column] or roomy[row, column]:
         return True

@@ -136,7 +136,7 @@ def _rows_to_show(loop: ImproperLoop) -> dict[str, int]:
 def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Picture) -> None:
     """Draw the fish's path between the ends of a loop, with arrows of its heading and its travel.
 
-    film: the picture below, in which the axes are placed.
+    film: the picture below the path; the part that is shown stays inside it.
     """
     rows = loop_path_rows(loop, features)
     part = features.iloc[rows]
@@ -161,7 +161,7 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
     shown = np.vstack([place, head, head + length / 2, head - length / 2])
     _zoom_to_points(axes, shown, 0.3 * length, film)
     keys = [
-        Line2D([], [], color="white", lw=1.2, label="way of the fish, as filmed"),
+        Line2D([], [], color="white", lw=1.2, label="path of the fish, as filmed"),
         Line2D(
             [], [], color=_HEADING, lw=2.5, label=f"heading at {' and '.join(_rows_to_show(loop))}"
         ),

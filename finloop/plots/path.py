@@ -30,7 +30,7 @@ def draw_path(paths: pd.DataFrame, departures: pd.DataFrame, background: Picture
     farthest = paths.loc[paths["along_px"].idxmax(), "mode"]
     requested = paths[paths["mode"] == farthest]
     tank.plot(requested["asked_x_px"], requested["asked_y_px"], color=_REQUESTED, lw=3.5, alpha=0.5,
-              label=f"requested of fish {paths['fish'].iloc[0] + 1}")  # fmt: skip
+              label=f"requested path of fish {paths['fish'].iloc[0] + 1}")  # fmt: skip
     # Each mode's path in the tank, and its errors in a panel.
     errors = None
     for row, (colour, (mode, path)) in enumerate(zip(COLOURS, modes.items(), strict=False)):

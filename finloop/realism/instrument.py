@@ -166,7 +166,7 @@ class Swimming:
 def join_measurements(
     edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate_hz: float
 ) -> Swimming:
-    """Return the feature tables measured from several edit lists, joined in their order.
+    """Join the feature tables that were measured from several edit lists, in their order.
 
     Tracks get unique numbers. tables: one for each of `edits`; their `frame` is the tick.
     """

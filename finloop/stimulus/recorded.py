@@ -136,7 +136,7 @@ class DryClock:
     """
 
     def __init__(self, messages: Iterable[TimedMessage] = ()) -> None:
-        """Begin at time 0; messages: of trackers, in order, their times being session times."""
+        """Set the clock to 0; messages: of trackers, in order of their session times."""
         self._now_s, self._messages = 0.0, iter(messages)
         self._next = next(self._messages, None)
         self.receive: Callable[[str, str], Any] = lambda text, source: None

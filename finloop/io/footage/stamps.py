@@ -76,7 +76,7 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
 
 
 def _ome_page_times(pixels: dict[str, Any]) -> list[float]:
-    """Return the times [s] that OME gives single pages, in their order; NaN in unknown units.
+    """Return the times [s] of single pages in OME metadata, in order; NaN in unknown units.
 
     pixels: from `_ome_pixels`.
     """
