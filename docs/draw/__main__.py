@@ -133,7 +133,8 @@ def draw_forces() -> None:
     """Save the moving drawings of docs/forces.md, by the commands that stand there."""
     page = (ROOT / "docs/forces.md").read_text(encoding="utf-8")
     for command in re.findall(r"^\.venv/bin/python (-m finloop\.morph .*)$", page, re.MULTILINE):
-        words = [sys.executable, *shlex.split(command)]
+        *words, name = shlex.split(command)  # of the output file
+        words = [sys.executable, *words, str(PICTURES / name)]
         subprocess.run(words, cwd=ROOT, check=True, capture_output=True)
 
 

@@ -413,7 +413,7 @@ def check_key_count(count: int, symmetry: Symmetry) -> None:
         raise FinloopError(
             f"{count} key poses for a gait of symmetry {symmetry!r}",
             "two: 1 and 2" if wanted == 2 else "four: 1, 2, 1' and 2', in this order",
-            "give so many, or use a gait of another symmetry",
+            "give that many, or choose a gait of another symmetry",
         )
 
 

@@ -6,6 +6,7 @@ selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json.
 """
 
 import argparse
+from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from finloop.base.tool import (
     run_tool,
 )
 from finloop.gait.model import DO, WANTED, Gait, gait_from_record
+from finloop.gait.settings import Symmetry
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, animate_drawing, repeat_cycle
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.record import load_json
@@ -28,11 +30,16 @@ from finloop.morph.match import Resolution
 
 SHIPPED = shipped_folder() / "data/gaits"
 RATE = Fraction(30)
+KINDS: Mapping[Symmetry, str] = {
+    "swap": "left and right exchange",
+    "mirror": "left mirrors right",
+    "none": "no symmetry, four key poses",
+}
 MOST_BYTES = 10_000_000  # of a gait's file: γ per coordinate of ten limbs of 1024 points is 2 MB
 
 
 def main(arguments: list[str] | None = None, program: str = "python -m finloop.gait") -> int:
-    """Read two key poses and a gait, write the cycle, print a summary; return the exit status.
+    """Read key poses and a gait, write the cycle, print a summary; return the exit status.
 
     program: how the command was called, for its help.
     """
@@ -140,12 +147,7 @@ class _ListGaits(argparse.Action):
         """Print each shipped gait with its frequency and symmetry, then exit."""
         for name, path in shipped_gait_files(SHIPPED).items():
             gait = load_gait(path)
-            kind = {
-                "swap": "left and right exchange",
-                "mirror": "left mirrors right",
-                "none": "no symmetry, four key poses",
-            }
-            print(f"{name}: {gait.frequency_hz:.3g} Hz, {kind[gait.symmetry]}; {gait.source}")
+            print(f"{name}: {gait.frequency_hz:.3g} Hz, {KINDS[gait.symmetry]}; {gait.source}")
         parser.exit()
 
 
