@@ -55,7 +55,9 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=THREADS, help="workers, one thread each")
     arguments = parser.parse_args()
     if not find_spec("distributed"):
-        raise FinloopError("Dask is not installed", "the extra `cluster`", "make cluster")
+        raise FinloopError(
+            "Dask is not installed", "the packages of the extra `cluster`", "run `make cluster`"
+        )
     command = (sys.executable, "-m", "dask", "worker", arguments.address)
     # A memory limit would count mapped files, and end workers that map a long film.
     limits = ("--nthreads", "1", "--nworkers", str(arguments.count), "--memory-limit", "0")

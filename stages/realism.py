@@ -240,9 +240,9 @@ def _compare_swimming(
     measured = measure_swimming(works, GalleryOpener(project), instruments, pool, kept)
     if FILM not in measured:
         raise FinloopError(
-            "extraction follows no fish in the film drawn again",
+            "the film was drawn again from its cut-outs, and no fish was found in that film",
             "cut-outs that look like the filmed fish",
-            "look at reports/film/extract/detections.png",
+            "see in reports/film/extract/detections.png whether the outlines fit the fish",
         )
     sample = compare.build_film_sample(measured[FILM], features, rate, p)
     animated = {mode: measured[mode] for mode in measured if mode != FILM}

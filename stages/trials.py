@@ -31,9 +31,9 @@ def choose_goal(plan: Experiment) -> tuple[str, str]:
         if direction := good_direction(name):
             return name, direction
     raise FinloopError(
-        f"{', '.join(names)}: neither more nor less of it is better",
-        "goal: a measure with a good direction, such as bpn.held_out_area_rmse",
-        "name it: `goal` in the file of the sweep, or --goal",
+        f"it is unknown whether more or less is better: {', '.join(names)}",
+        "a measure to improve whose good direction is known, such as bpn.held_out_area_rmse",
+        "name such a measure: `goal` in the file of the sweep, or --goal",
     )
 
 

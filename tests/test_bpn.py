@@ -541,7 +541,7 @@ def test_an_export_that_says_something_else_is_refused(monkeypatch):
     other = build_onnx_model(replace(random_model(), output_bias=np.array([0.0, 0.01])))
     assert largest_output_difference(other, random_model()) > 1e-3
     monkeypatch.setattr(finloop.bpn.onnx, "build_onnx_model", lambda model: other)
-    with pytest.raises(FinloopError, match="the ONNX export is off by"):
+    with pytest.raises(FinloopError, match=r"the exported network \(ONNX\) is off by"):
         export_onnx_bytes(random_model())
     onnx.checker.check_model(other)  # a sound graph, only the wrong one
 

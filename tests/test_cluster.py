@@ -91,7 +91,7 @@ def test_no_dask_is_one_message(home, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(FinloopError) as caught, connect_dask_workers(LOCAL, home, 2):
         pass
-    assert caught.value.do == "make cluster"
+    assert caught.value.do == "run `make cluster`"
 
 
 def test_a_stage_asks_the_cluster_that_is_named(tmp_path, monkeypatch):

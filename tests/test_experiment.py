@@ -444,7 +444,7 @@ def test_optuna_finds_the_best_value_and_drops_bad_ones_early():
 
 def test_optuna_needs_a_measure_with_a_good_direction():
     plan = Experiment("t", "w", "s", {"bpn.epochs": "1, 2"}, ["bpn.train_rows"])
-    with pytest.raises(FinloopError, match="neither more nor less"):
+    with pytest.raises(FinloopError, match="unknown whether more or less is better"):
         make_trials(plan, "one", {}, 2, lambda _: {}, lambda *_: None)
 
 

@@ -150,7 +150,7 @@ def test_the_stronger_of_two_beats_is_the_period() -> None:
     ("signal", "rate", "message"),
     [
         (np.zeros(20), 30.0, r"shape \(20,\)"),
-        (np.full((20, 2), np.nan), 30.0, "40 of its values not numbers"),
+        (np.full((20, 2), np.nan), 30.0, "40 values are no numbers"),
         (np.zeros((20, 2)), 0.0, "frame rate of 0 Hz"),
     ],
 )

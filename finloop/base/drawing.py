@@ -70,9 +70,9 @@ def clean_curve(curve: Curve, name: str) -> Curve:
     kind, least = ("closed", 3) if curve.closed else ("open", 2)
     if len(points) < least:
         raise FinloopError(
-            f"of {count} points of the {kind} curve {name} {len(points)} lie apart"
+            f"the {kind} curve {name} has {len(points)} different points of {count}"
             + (": its length is 0" if len(points) < 2 else ""),
-            f"at least {least} points of a {kind} curve",
+            f"at least {least} different points of a {kind} curve",
             f"draw {name} again or leave it out",
         )
     return Curve(points, curve.closed)

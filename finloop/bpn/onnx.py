@@ -84,8 +84,8 @@ def export_onnx_bytes(model: MotionModel) -> bytes:
     difference = largest_output_difference(proto, model)
     if not difference <= _TOLERANCE:
         raise FinloopError(
-            f"the ONNX export is off by {difference:g} of the range of an output",
-            f"the numbers of the model itself, to {_TOLERANCE:g}",
+            f"the exported network (ONNX) is off by {difference:g} of the range of an output",
+            f"a difference from the trained network of at most {_TOLERANCE:g}",
             "train with a smaller bpn.learning_rate: 32 bits cannot represent weights this large",
         )
     return proto.SerializeToString(deterministic=True)

@@ -408,5 +408,7 @@ def _import_distributed() -> Any:
         return import_module("distributed")
     except ImportError as error:
         raise FinloopError(
-            f"Dask is not installed ({error})", "the extra `cluster`", "make cluster"
+            f"Dask is not installed ({error})",
+            "the packages of the extra `cluster`",
+            "run `make cluster`",
         ) from error

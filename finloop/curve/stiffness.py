@@ -57,8 +57,8 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
     if not filters.orthogonal:
         raise FinloopError(
             f"the wavelet {wavelet} is not orthogonal",
-            "an orthogonal wavelet: only then is M = ρI",
-            "use db4, coif2, sym8, …",
+            "an orthogonal wavelet: only then is the mass matrix M = ρI",
+            "take an orthogonal one, such as db4, coif2 or sym8",
         )
     alpha = 2 * np.correlate(low, low, "full")[taps - 1 :]
     smooth = _sobolev_smoothness(alpha)

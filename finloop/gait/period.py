@@ -81,10 +81,10 @@ def _refuse_unusable_signal(signal: Floats, frame_rate_hz: float) -> None:
     """Raise FinloopError unless a signal is (frames, k) with a complete row, and the rate > 0."""
     if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
         raise FinloopError(
-            f"a motion of shape {signal.shape}, "
-            f"{np.count_nonzero(~np.isfinite(signal))} of its values not numbers",
-            "coordinates (frames, k) with at least one complete frame",
-            "pass one row of coordinates per frame, NaN where the frame shows nothing",
+            f"the motion is an array of shape {signal.shape} in which "
+            f"{np.count_nonzero(~np.isfinite(signal))} values are no numbers",
+            "an array (frames, k) of coordinates, with a frame in which all are numbers",
+            "give a row of coordinates for each frame, with NaN where it shows nothing",
         )
     if not 0 < frame_rate_hz < np.inf:
         raise FinloopError(
@@ -168,7 +168,9 @@ def fill_gaps(signal: Floats) -> Floats:
         finite = np.isfinite(column)
         if not finite.any():
             raise FinloopError(
-                "a limb that no frame shows", "each limb in half of the frames", "omit the limb"
+                "no frame shows one of the limbs",
+                "each limb in at least half of the frames",
+                "leave that limb out",
             )
         column[:] = np.interp(time, time[finite], column[finite])
     return filled

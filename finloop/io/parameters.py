@@ -13,7 +13,7 @@ from finloop.base.settings import GROUPS, check_values, variants
 
 def read_parameters(path: Path) -> dict[str, Any]:
     """Return the content of params.yaml, stage → its parameters; FinloopError if unreadable."""
-    hint = "what `make params` writes", "make params"
+    hint = "a file as `make params` writes it", "run `make params`"
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -155,8 +155,8 @@ def load_svg(path: Path) -> Drawing:
                     if part in by_name:
                         raise FinloopError(
                             f"{path} uses the name {part!r} for two contours",
-                            f"no id that is that of another path, {PART} and a number",
-                            "rename the shape",
+                            f"ids that differ: a path's second contour has its id and {PART}2",
+                            "rename one of the two paths",
                         )
                     by_name[part] = curve, paint, item.group.groups
     except _MISREAD as error:

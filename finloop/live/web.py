@@ -111,8 +111,8 @@ def bind_socket(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> 
         bound.close()
         raise FinloopError(
             f"port {port} is not available ({getattr(error, 'strerror', None) or error})",
-            "a free port: perhaps another live tank is open",
-            "end that tank, or take another port: --port 0 finds a free one",
+            "a port that no other program uses",
+            "close the live tank that may be open, or take another port: --port 0 finds a free one",
         ) from error
     return bound
 

@@ -91,7 +91,9 @@ def move_drawing(
     seconds = float((frames - 1) / frame_rate)
     if seconds > MOST_SECONDS:
         raise FinloopError(
-            f"a film of {seconds:.4g} s", f"at most {MOST_SECONDS} s", "set fewer frames"
+            f"the motion makes a film of {seconds:.4g} s",
+            f"at most {MOST_SECONDS} s",
+            "set fewer frames, or more of them a second",
         )
     check_pairs(a, b)
     is_one = b is a

@@ -59,7 +59,9 @@ def _write_morph(options: argparse.Namespace) -> str:
     forces, method = parse_forces(options.force), options.method
     if options.b is None and not forces:
         raise FinloopError(
-            "one drawing and no force", "a second drawing, or what moves the first", "add --force"
+            "one drawing and no force",
+            "two drawings, or one and a force that moves it",
+            "name a second drawing, or add --force",
         )
     if forces and (method not in (None, "physical") or options.back):
         raise FinloopError(

@@ -48,7 +48,7 @@ def open_session_record(path: Path) -> SessionRecord:
     try:
         file = pq.ParquetFile(path)
     except (OSError, pa.ArrowException) as error:
-        advice = "make it whole from its journal: python -m stages.stimulus recover <name>.journal"
+        advice = "recover it from its journal: python -m stages.stimulus recover <name>.journal"
         came = f"{path} cannot be read ({str(error).splitlines()[0]})"
         raise FinloopError(came, _WANTED, advice) from error
     text = read_header(file.schema_arrow.metadata)
