@@ -321,6 +321,10 @@ def test_keys_of_a_gallop_are_where_straight_lines_through_the_feet_join(late):
     assert abs(turn * 4 - round(turn * 4)) < 4 / 480
     at_keys = foot_positions(_gallop(turn + np.arange(4) / 4, straight).contours)
     assert np.ptp(at_keys, axis=1).argmax() == 0
+    frames = np.arange(15)
+    feet[frames, frames % 4] = np.nan  # no frame shows all feet
+    hidden = align_phase_without_symmetry(frames / 15, feet, 0.25)
+    np.testing.assert_allclose(hidden, phase, atol=2 / 240)
 
 
 def test_a_gallop_needs_a_whole_cycle_and_takes_no_partner_for_a_hidden_limb():
@@ -478,3 +482,6 @@ def test_feet_tell_where_the_keys_are(late):
     found = align_phase(true * 1.003 + late, foot_positions(limbs), 0.25)
     np.testing.assert_allclose(found, true, atol=1e-3)
     np.testing.assert_array_equal(align_phase(true[:9], foot_positions(limbs)[:9], 0.25), true[:9])
+    known = align_phase(true + late, foot_positions(limbs), 0.25, stretches=False)
+    np.testing.assert_allclose(known - true, np.full(len(true), known[0] - true[0]))
+    assert known[0] == pytest.approx(true[0], abs=1e-3)

@@ -126,6 +126,12 @@ def test_the_given_cycle_closes_and_the_body_stays(gallop):
     assert np.ptp(limbs.course, axis=0) == pytest.approx(0)
 
 
+def test_with_symmetry_a_given_cycle_keeps_its_length_and_partners_their_hips(outlines):
+    film, *_ = walker_gait_contours(outlines.frames, 30, 16, cycle_frames=15)
+    np.testing.assert_allclose(np.diff(film.phase), 1 / 15)
+    assert film.offsets is not None and np.abs(film.offsets["fore_left"]).max() > 1  # px
+
+
 def test_gamma_predicts_frames_of_the_gallop_that_were_held_out(gallop):
     found = compare_clocks(gallop[0])
     assert found.by_contour["frames"].sum() == 60  # every leg of every frame

@@ -61,6 +61,7 @@ def walker_gait_contours(
     FinloopError if there is no limb, more than half of the frames lack a limb, no motion repeats,
     or the film has fewer frames than a cycle.
     """
+    is_given = cycle_frames is not None
     if cycle_frames is None:
         # The body's track is smoothed over a cycle, so the period is found twice: at first with a
         # body that moves straight.
@@ -85,12 +86,12 @@ def walker_gait_contours(
             period = set_phase_zero(period, _key_1_signal(limbs.points))
     contours = {name: points[period.steady] for name, points in limbs.points.items()}
     phase, feet = period.phase[period.steady], foot_positions(contours)
-    align = align_phase if symmetry == "swap" else align_phase_without_symmetry
-    film = GaitContours(contours, align(phase, feet, split), limbs.length_px, symmetry)
-    if symmetry == "swap":
-        film = film.add_hidden_limbs()
-        film = replace(film, offsets=partner_offsets(film))
-    return film, period, limbs
+    if symmetry == "none":
+        phase = align_phase_without_symmetry(phase, feet, split)
+        return GaitContours(contours, phase, limbs.length_px, symmetry), period, limbs
+    phase = align_phase(phase, feet, split, stretches=not is_given)
+    film = GaitContours(contours, phase, limbs.length_px, symmetry).add_hidden_limbs()
+    return replace(film, offsets=partner_offsets(film)), period, limbs
 
 
 def _find_limb_period(limbs: Limbs, frame_rate_hz: float) -> Period:
@@ -130,13 +131,13 @@ def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
     return np.stack(feet_x, axis=1)
 
 
-def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
+def align_phase(phase: Floats, foot_x: Floats, split: float, stretches: bool = True) -> Floats:
     """Return the phase (frames,), shifted and stretched so that feet turn round at key frames.
 
     phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
     The shift, at most about REACH cycles, and the stretch about the middle are those with which
     parabolas fit the feet best. Frames with NaN are not fitted; if fewer than 12 are left, the
-    phase is returned unchanged.
+    phase is returned unchanged. stretches: False = the cycle's length is known, so shift alone.
     """
     complete = np.isfinite(foot_x).all(axis=1)
     if complete.sum() < 12:  # the fit has eight numbers per foot
@@ -144,9 +145,9 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
     fitted_phase, centred_x = phase[complete], foot_x[complete] - foot_x[complete].mean(axis=0)
     middle = float(fitted_phase.mean())
 
-    def squared_error(shift_and_stretch: Floats) -> float:
-        """Return the error of the fit after a shift and a stretch of the phase."""
-        shift, stretch = shift_and_stretch
+    def squared_error(change: Floats) -> float:
+        """Return the error of the fit after a shift, and maybe a stretch, of the phase."""
+        shift, stretch = (*change, 0.0)[:2]
         changed = fitted_phase - shift + stretch * (fitted_phase - middle)
         return _parabola_fit_error(changed, centred_x, split)
 
@@ -154,17 +155,18 @@ def align_phase(phase: Floats, foot_x: Floats, split: float) -> Floats:
     shifts = np.linspace(-REACH, REACH, STEPS)
     errors = [squared_error(np.array([shift, 0.0])) for shift in shifts]
     best_shift = float(shifts[np.argmin(errors)])
-    shift, stretch = scipy.optimize.minimize(
+    # The best shift, one two steps of the grid farther, and a little stretch.
+    simplex = np.array([(best_shift, 0.0), (best_shift + 0.004, 0.0), (best_shift, 0.003)])
+    if not stretches:
+        simplex = simplex[:2, :1]
+    fatol = 1e-12 * float((centred_x**2).sum())
+    found = scipy.optimize.minimize(
         squared_error,
-        (best_shift, 0.0),
+        simplex[0],
         method="Nelder-Mead",
-        options={
-            # the best shift, one two steps of the grid farther, and a little stretch
-            "initial_simplex": [(best_shift, 0.0), (best_shift + 0.004, 0.0), (best_shift, 0.003)],
-            "xatol": 1e-5,
-            "fatol": 1e-12 * float((centred_x**2).sum()),
-        },
+        options={"initial_simplex": simplex, "xatol": 1e-5, "fatol": fatol},
     ).x
+    shift, stretch = (*found, 0.0)[:2]
     return phase - shift + stretch * (phase - middle)
 
 
@@ -172,20 +174,23 @@ def align_phase_without_symmetry(phase: Floats, foot_x: Floats, split: float) ->
     """Return the phase (frames,), shifted so that straight lines joined at the keys fit feet best.
 
     phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
-    Frames with NaN are not fitted. Key 1 is the key at which the feet are farthest apart.
+    Each foot is fitted to the frames that show it. Key 1 is the key at which the feet are farthest
+    apart.
     """
-    complete = np.isfinite(foot_x).all(axis=1)
-    known_phase, known_x = phase[complete], foot_x[complete]
-
     shifts, errors, apart = np.arange(SHIFTS) / SHIFTS, [], []
     for shift in shifts:
-        terms = _line_terms(known_phase - shift, split)
-        keys = np.linalg.lstsq(terms, known_x, rcond=None)[0]  # the feet in them, (4, k)
-        errors.append(float(((known_x - terms @ keys) ** 2).sum()))
-        apart.append(float(np.ptp(keys[0])))
+        terms = _line_terms(phase - shift, split)
+        error, places = 0.0, list[float]()  # of the feet in key 1
+        for foot in foot_x.T:
+            shown = np.isfinite(foot)
+            keys = np.linalg.lstsq(terms[shown], foot[shown], rcond=None)[0]  # the foot in them
+            error += float(((foot[shown] - terms[shown] @ keys) ** 2).sum())
+            places.append(float(keys[0]))
+        errors.append(error)
+        apart.append(float(np.ptp(places)))
     # The keys are the same half a cycle later, and in even quarters a quarter later: there the
     # errors differ by rounding alone.
-    equal = np.array(errors) <= min(errors) + 1e-9 * float((known_x**2).sum())
+    equal = np.array(errors) <= min(errors) + 1e-9 * float(np.nansum(foot_x**2))
     return phase - shifts[np.where(equal, apart, -1).argmax()]
 
 
