@@ -85,6 +85,8 @@ WHEN: dict[str, str] = {
     "calibrate": "films of several animals",
     "gait.regions": "a film of limbs of one's own",
     "gait.symmetry": "a film of limbs of one's own",
+    "morph.pairs": "a file of pairs",
+    "morph.forces": "the physical morph (`morph.method`)",
     "loops.loop_end_choice": "loop ends at which two ways pass the tests, as on the zebrafish",
     "render.shadow_darkness": "several fish that swim over one another (`matching.overlap`)",
     "retarget.allow_backwards": "an animal that goes tail first",
