@@ -660,6 +660,15 @@ def test_pictures_that_are_not_one_film_are_refused(tmp_path, names, said):
         open_footage(folder, frame_rate_hz=10)
 
 
+def test_numbers_in_names_may_have_more_digits_than_a_float(tmp_path):
+    names = [f"20240503123001{123456 + 2000 * k}.png" for k in (0, 1, 2, 4, 5)]
+    folder = write_pictures(tmp_path / "film", map(picture, range(5)), names=names)
+    loss = LostFrames()
+    footage = open_footage(folder, frame_rate_hz=500)
+    times = [round(time_s * 500) for time_s, _ in footage.stream_numbered(loss)]
+    assert times == [0, 1, 2, 4, 5] and loss.gaps == 1
+
+
 def test_an_ending_may_be_written_in_two_ways(tmp_path):
     names = [f"f{k}{['.tif', '.TIFF'][k % 2]}" for k in range(9)]
     folder = write_pictures(tmp_path / "film", map(picture, range(9)), names=names)
@@ -962,6 +971,16 @@ def test_bad_input_is_said(tmp_path, what, said):
 def test_a_range_that_is_not_there_is_said(avi, start_s, end_s, said):
     with pytest.raises(FinloopError, match=said):
         open_footage(avi, start_s=start_s, end_s=end_s)
+
+
+def test_a_film_that_must_not_be_read_is_not_called_text(avi, monkeypatch):
+    def refuse(*_args, **_options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(av, "open", refuse)
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(FinloopError, match="cannot be read as a film: Permission denied"):
+        open_footage(avi)
 
 
 def make_damaged_film(folder: Path, *damaged: int) -> Path:

@@ -43,4 +43,8 @@ class RetargetSettings:
         "rate_hz": "tracks_rate_hz",
         "place": "placement",
         "own_frames": "allow_own_frames",
+        "head": "body_keypoints",
+        "tail": "body_keypoints",
+        "software": "the file shows which program made it",
+        "mirrored": "mirror the file of tracks",
     }

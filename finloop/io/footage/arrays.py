@@ -28,8 +28,11 @@ def is_array_file(path: Path) -> bool:
     """
     if path.suffix.lower() in (".npy", ".h5", ".hdf5", ".hdf"):
         return True
-    with path.open("rb") as file:
-        first_bytes = file.read(_USER_BLOCK + len(_HDF5))
+    try:
+        with path.open("rb") as file:
+            first_bytes = file.read(_USER_BLOCK + len(_HDF5))
+    except OSError:  # it may not be read: FFmpeg says so
+        return False
     if first_bytes.startswith(_NORPIX):
         raise FinloopError(
             f"{path} is a recording of Norpix StreamPix (.seq), which FFmpeg does not read",

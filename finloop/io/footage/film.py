@@ -92,7 +92,7 @@ def _unreadable_film_error(path: Path, why: str) -> FinloopError:
     with suppress(OSError), path.open("rb") as file:
         beginning = file.read(_FIRST_BYTES)
     text = beginning.decode("latin1")
-    if text.isascii() and all(letter.isprintable() or letter.isspace() for letter in text):
+    if text and text.isascii() and all(letter.isprintable() or letter.isspace() for letter in text):
         return FinloopError(
             came=f"{path} is text, not a film: it begins with {' '.join(text.split())!r}",
             wanted=WANTED,

@@ -242,11 +242,12 @@ def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
     number, whose steps are whole multiples of the usual one. FinloopError for the pictures of two
     cameras, and for two pictures of one number.
     """
-    numbers_in_names = [re.findall(r"\d+", file.stem) for file in pictures]
+    numbers_in_names = [[*map(int, re.findall(r"\d+", file.stem))] for file in pictures]
     consecutive = np.arange(len(pictures))
     if not numbers_in_names[0] or len({len(numbers) for numbers in numbers_in_names}) > 1:
         return consecutive
-    columns = np.array(numbers_in_names, float)
+    whole = np.array(numbers_in_names, object)  # times can have more digits than a float
+    columns = (whole - whole.min(axis=0)).astype(np.float64)
     differ = np.flatnonzero(np.ptp(columns, axis=0))
     if len(differ) == 2:
         _refuse_several_cameras(folder, pictures, *columns[:, differ].T)
