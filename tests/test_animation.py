@@ -259,6 +259,22 @@ def test_ends_of_dashes_change_in_lottie(tmp_path):
     assert (first[0], last[0]) == ([100], [0]) and (first[-1], last[-1]) == ([0], [100])
 
 
+def test_frames_may_have_more_dashes_than_others(tmp_path):
+    """Players interpolate lists of one length: gaps along two cuts, then one around a lost hole."""
+    line = replace(RED, stroke=(0, 0, 0), round_dashes=True)
+    dashes = [(6, 3, 5, 2), (6, 3), *[()] * (FRAMES - 2)]
+    styles = {"ring": tuple(replace(line, dashes=lengths) for lengths in dashes)}
+    morph = replace(a_morph(), styles=styles)
+    told = json.loads(save_morph(tmp_path, ".lottie.json", morph).read_text())
+    (ring_layer,) = (layer for layer in told["layers"] if layer["nm"] == "ring")
+    (stroke,) = (item for item in ring_layer["shapes"][0]["it"] if item["ty"] == "st")
+    keys = [part["v"]["k"] for part in stroke["d"][:4]]
+    shown = [[key[frame]["s"][0] for key in keys] for frame in range(3)]
+    assert shown == [[6, 3, 5, 2], [6, 3, 6, 3], [9, 0, 7, 0]]
+    svg = save_morph(tmp_path, ".svg", morph).read_text()
+    assert 'values="6000 3000 5000 2000;6000 3000 6000 3000;9000 0 7000 0;' in svg  # 1/1000 px
+
+
 def test_what_lottie_cannot_show_is_named(tmp_path):
     stops = (Stop(0, (255, 0, 0), 1), Stop(1, (0, 0, 255), 1))
     mirrored = Gradient("linear", stops, (9, 0, 0, 9, 0, 0), spread="reflect")

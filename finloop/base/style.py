@@ -3,6 +3,7 @@
 Colours are mixed in Oklab: B. Ottosson, "A perceptual color space for image processing" (2020).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import lcm
 from typing import Literal, NamedTuple
@@ -109,13 +110,9 @@ def mix_paints(a: Paint, b: Paint, share: float) -> Paint:
     paint = Paint(fill, stroke, fill_opacity, stroke_opacity, width)
     if not line_a.dashes and not line_b.dashes:
         return paint
-    line_a, line_b = give_dashes(line_a, line_b), give_dashes(line_b, line_a)
-    count = lcm(len(line_a.dashes), len(line_b.dashes))  # as CSS interpolates lists of dashes
-    pairs = zip(
-        line_a.dashes * (count // len(line_a.dashes)),
-        line_b.dashes * (count // len(line_b.dashes)),
-        strict=True,
-    )
+    # As CSS interpolates lists of dashes.
+    line_a, line_b = align_dashes([line_a, line_b])
+    pairs = zip(line_a.dashes, line_b.dashes, strict=True)
     dashes = tuple(_mix(*pair, share) for pair in pairs)
     if not any(dashes[1::2]):
         return paint  # a whole line
@@ -132,7 +129,7 @@ def _mix(a: float, b: float, share: float) -> float:
     return (1 - share) * a + share * b
 
 
-def give_dashes(line: Paint, other: Paint) -> Paint:
+def _give_dashes(line: Paint, other: Paint) -> Paint:
     """Return a line with dashes: its own, or the other's, each as long as its gap and itself."""
     if line.dashes:
         return line
@@ -141,6 +138,19 @@ def give_dashes(line: Paint, other: Paint) -> Paint:
     return replace(
         line, dashes=dashes, dash_offset=other.dash_offset, round_dashes=other.round_dashes
     )
+
+
+def align_dashes(lines: Sequence[Paint]) -> list[Paint]:
+    """Return lines with equally many dashes, so that players can interpolate them.
+
+    A shorter list of dashes repeats. A whole line gets those of the first line that has some.
+    """
+    dashed = next((line for line in lines if line.dashes), None)
+    if dashed is None:
+        return list(lines)
+    lines = [_give_dashes(line, dashed) for line in lines]
+    count = lcm(*(len(line.dashes) for line in lines))
+    return [replace(line, dashes=line.dashes * (count // len(line.dashes))) for line in lines]
 
 
 def _mix_fills(

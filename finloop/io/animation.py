@@ -22,7 +22,7 @@ from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
 from finloop.base.paint import Shape, group_contours, paint_layers, painted_frames
 from finloop.base.parallel import Threads, ordered_map
-from finloop.base.style import Colour, Fill, Gradient, Paint, give_dashes, scale_paint
+from finloop.base.style import Colour, Fill, Gradient, Paint, align_dashes, scale_paint
 from finloop.io.atomic import save_bytes
 from finloop.io.movie import Mp4Writer
 from finloop.io.spine import save_spine
@@ -218,8 +218,8 @@ def _svg_paint(paints: list[Paint], clock: _SvgClock, name: str) -> tuple[str, s
             add_values(f"{key}-opacity", opacities, "1")
     if paints[0].stroke is not None:
         add_values("stroke-width", [f"{paint.width:.6g}" for paint in paints])
-        if dashed := next((paint for paint in paints if paint.dashes), None):
-            lines = [give_dashes(paint, dashed) for paint in paints]
+        lines = align_dashes(paints)
+        if lines[0].dashes:
             dashes = [" ".join(f"{length:.6g}" for length in line.dashes) for line in lines]
             add_values("stroke-dasharray", dashes)
             add_values("stroke-dashoffset", [f"{line.dash_offset:.6g}" for line in lines], "0")
@@ -361,16 +361,15 @@ def _lottie_paints(paints: list[Paint]) -> list[Json]:
 def _lottie_line(paints: list[Paint]) -> Json:
     """Return how wide a Lottie stroke is in every frame, and its dashes."""
     line: Json = {"w": _lottie_values([paint.width for paint in paints]), "lc": 2, "lj": 2}
-    dashed = next((paint for paint in paints if paint.dashes), None)
-    if dashed is None:
+    paints = align_dashes(paints)
+    if not paints[0].dashes:
         return line  # 2: round ends and joins
-    paints = [give_dashes(paint, dashed) for paint in paints]
     dashes = [
         {"n": "dg"[k % 2], "v": _lottie_values(list(lengths))}
         for k, lengths in enumerate(zip(*(paint.dashes for paint in paints), strict=True))
     ]
     offset = {"n": "o", "v": _lottie_values([paint.dash_offset for paint in paints])}
-    return line | {"d": [*dashes, offset], "lc": 2 if dashed.round_dashes else 1}
+    return line | {"d": [*dashes, offset], "lc": 2 if paints[0].round_dashes else 1}
 
 
 def _lottie_gradient(gradients: list[Gradient]) -> Json:
