@@ -143,6 +143,32 @@ def test_a_pair_that_cannot_be_shown_says_why_and_its_shapes_vanish_and_appear(t
         assert not seen.bad
 
 
+def test_a_page_says_that_it_pairs_one_shape_with_one(tmp_path, capsys):
+    parts = '<path id="eye_left" d="M9 9h9v9z"/><path id="eye_right" d="M40 9h9v9z"/>'
+    first, second = (
+        save_svg(tmp_path / f"{name}.svg", text + '<path id="nose" d="M20 40h9v9z"/>')
+        for name, text in (("a", '<path id="eye" d="M9 9h40v9z"/>'), ("b", parts))
+    )
+    pins = tmp_path / "pins.yaml"
+    pins.write_text("pins: {nose: [[[20, 40], [20, 40]]]}", encoding="utf-8")
+    for drawings, lost, rest in (
+        ((first, second), "eye → eye_left + eye_right", "appear: eye_right"),
+        ((second, first), "eye_left + eye_right → eye", "vanish: eye_right"),
+    ):
+        page = write_page(tmp_path, [*drawings, "--pairs", str(pins), "--level", "1"])
+        said = capsys.readouterr().out
+        assert f"{rest}; the page leaves out: {lost}, pins of nose" in said
+    with chromium() as browser:
+        seen = visit(browser, page)
+        shown = seen.page
+        shown.wait_for_selector("html[data-ready]")
+        note = shown.locator("#left-out").inner_text()
+        assert "It leaves out: eye_left + eye_right → eye, pins of nose." in note
+        assert 'vanish: ["eye_right"]' in shown.input_value("#yaml")
+        assert "--level 1 --points 16" in shown.input_value("#command")
+        assert not seen.bad
+
+
 def test_a_page_without_a_browser_holds_text_of_the_drawings_safely(tmp_path):
     evil = save_svg(tmp_path / "<script>x.svg", '<path id="&lt;/script&gt;" d="M9 9h20v20z"/>')
     page = write_page(tmp_path, [evil, evil]).read_text(encoding="utf-8")

@@ -48,22 +48,23 @@ def build_trial_page(
     """Return the HTML of a page to try the morphs of two drawings, and a summary in words.
 
     given: pairs that go before the tool's own; names: of the drawings' files, as a shell takes
-    them. FinloopError if a shape can neither vanish nor appear.
+    them. The page pairs one shape with one: both say what it leaves out. FinloopError if a shape
+    can neither vanish nor appear.
     """
     b = fit_drawing(b, a.width, a.height)
-    pairing = pair_shapes(a, b, given)
+    pairing, left_out = _keep_single_pairs(pair_shapes(a, b, given))
     geometry = _Geometry(max(a.width, a.height) / GRID)
     candidates = [
         _candidate(a, b, first, second, geometry, options)
         for first, second in _choose_candidates(a, b, pairing)
     ]
-    given_pairs = given.pairs if given else {}
+    given_names = {*given.pairs, *given.splits} if given else set()
     content: Json = {
         "width": a.width, "height": a.height, "grid": geometry.grid, "frames": options.frames,
         "names": names, "first": list(shape_contours(a)), "second": list(shape_contours(b)),
         "pairs": dict(pairing.pairs), "candidates": candidates,
         "how": {
-            name: "by the file of pairs" if name in given_pairs
+            name: "by the file of pairs" if name in given_names
             else "by place and shape" if name in pairing.proposed else "by id"
             for name in pairing.pairs
         },
@@ -72,7 +73,7 @@ def build_trial_page(
         "mass": options.physics.mass,
         "stiffness_damping": options.physics.stiffness_damping,
         "level": options.resolution.level, "wavelet": options.resolution.wavelet,
-        "partners": PARTNERS,
+        "partners": PARTNERS, "points": options.points, "left_out": left_out,
     }  # fmt: skip
     page = Path(__file__).with_name("trial.html").read_text(encoding="utf-8")
     title = f"{Path(names[0].strip(chr(39))).stem} → {Path(names[1].strip(chr(39))).stem}"
@@ -84,7 +85,31 @@ def build_trial_page(
         page = page.replace(f"{{{{{mark}}}}}", value)
     shown = sum(c["first"] is not None and c["second"] is not None for c in candidates)
     summary = f"pairs: {len(pairing.pairs)} of {shown} computed, {options.frames} frames"
-    return page, "; ".join(filter(None, [summary, pairing.summary]))
+    return page, "; ".join(filter(None, [summary, pairing.summary, left_out]))
+
+
+def _keep_single_pairs(pairing: Pairing) -> tuple[Pairing, str]:
+    """Return pairs of one shape and one, and in words what is left out; "" if nothing is.
+
+    Of several shapes that one becomes, or that become one, the first keeps its partner.
+    """
+    pairs = dict[str, str]()
+    parts = dict[str, list[str]]()  # of the second drawing's shapes
+    for name, other in pairing.pairs.items():
+        if other not in parts:
+            pairs[name] = other
+        parts.setdefault(other, []).append(name)
+    pairs |= {name: others[0] for name, others in pairing.splits.items()}
+    lost = [f"{' + '.join(names)} → {other}" for other, names in parts.items() if len(names) > 1]
+    lost += [f"{name} → {' + '.join(others)}" for name, others in pairing.splits.items()]
+    lost += [f"pins of {name}" for name in pairing.pins]
+    single = Pairing(
+        pairs,
+        [*pairing.vanish, *(name for names in parts.values() for name in names[1:])],
+        [*pairing.appear, *(name for others in pairing.splits.values() for name in others[1:])],
+        pairing.proposed,
+    )
+    return single, f"the page leaves out: {', '.join(lost)}" if lost else ""
 
 
 def _pack(content: bytes) -> str:
