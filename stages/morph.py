@@ -244,7 +244,9 @@ def main() -> None:
         film = there_and_back(morphs[p.method]) if is_there_and_back else morphs[p.method]
         with whole_folder(OUT) as folder:
             for ending in ENDINGS:
-                save_animation(folder / f"{p.method}{ending}", film, rate, p.size_px)
+                lost = save_animation(folder / f"{p.method}{ending}", film, rate, p.size_px)
+                if lost:
+                    print(f"morph: {lost}", file=sys.stderr)
                 advance()
             coefficients = _connection_tables()
             save_csv(folder / "connection.csv", coefficients, decimals=DECIMALS, exact=True)

@@ -235,6 +235,7 @@ def test_what_is_no_force_is_told(text, said):
         (["--force", "gravity=1e308"], "no number of size"),
         (["--force", "gravity=1", "--method", "linear"], "--force with --method linear"),
         (["--force", "gravity=1", "--back"], "--force with --back"),
+        (["--force", "gravity=1", "--pairs", "p.yaml"], "one drawing and pairs (p.yaml)"),
         ([], "one drawing and no force"),
     ],
 )  # fmt: skip
@@ -257,6 +258,8 @@ def test_drawings_of_other_pieces_and_shapes_that_hold_nothing_are_refused(tmp_p
         move(one, ["gravity=1"], last=two)
     with pytest.raises(FinloopError, match="nothing touches 'b'"):
         move(two, ["hold=b"])
+    with pytest.raises(FinloopError, match="pins of 'a', and forces"):
+        move(replace(two, pins={"a": box[:1]}), ["gravity=1"])
     with pytest.raises(FinloopError, match="every shape"):
         move(two, ["hold=b", "floor=a"])
     dust = {

@@ -121,7 +121,8 @@ def test_pairs_that_cannot_be_are_refused(given, said):
     ("text", "said"),
     [("[a, b]", "no keys"), ("pairs: [a]", "pairs are no"), ("pairs: {a: 3}", "pairs are no"),
      ("pairs: {a: [b]}", "pairs are no"), ("pins: {a: [[1, 2]]}", "pins are no"),
-     ("pins: {a: [[[1, 2], [3, .nan]]]}", "pins are no"), ("eyes: {a: b}", "it has eyes"), ("vanish: hat", "vanish is no list"), ("{", "cannot be read")],
+     ("pins: {a: [[[1, 2], [3, .nan]]]}", "pins are no"), ("eyes: {a: b}", "it has eyes"), ("vanish: hat", "vanish is no list"), ("{", "cannot be read"),
+     ("pairs: {a: b, a: c}", "a key stands twice")],
 )  # fmt: skip
 def test_a_file_without_pairs_is_refused(tmp_path, text, said):
     path = tmp_path / "pairs.yaml"

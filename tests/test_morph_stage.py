@@ -87,15 +87,19 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
 
 
 @pytest.mark.usefixtures("no_drawing")
-def test_forces_move_the_physical_morph(folder, monkeypatch):
+def test_forces_move_the_physical_morph(folder, monkeypatch, capsys):
     monkeypatch.setattr(stages.morph, "_draw_released_hoop", lambda _: {})
     monkeypatch.setattr(stages.morph, "_draw_curve_paper_figures", lambda _: {})
     monkeypatch.setattr(stages.morph, "METHODS", ("linear", "physical"))
     monkeypatch.setattr(stages.morph.MorphSettings, "frame_rate_hz", 2.0)
+    face = folder / "data/drawings/face_a.svg"
+    dashed = face.read_text().replace("<path", '<path stroke="#000" stroke-dasharray="9"', 1)
+    face.write_text(dashed)
     forces = 'morph.forces=["gravity=3","floor=390"]'
     physics = ("morph.damping=4", "morph.stiffness_damping=0.05", "morph.frames=12")
     prepare(folder, *SMALL, "morph.method=physical", forces, *physics)
     stages.morph.main()
+    assert "morph: Spine has no dashes, a whole line instead" in capsys.readouterr().err
     assert 0 < load_numbers(folder / "reports/morph")["rest_time_s"] < 5
     frames = json.loads((folder / "data/morph/physical.json").read_text())["frames"]
     assert len(frames) == 12  # it does not go back

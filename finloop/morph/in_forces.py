@@ -83,8 +83,8 @@ def move_drawing(
     a, b: with the same ids, each contour closed in both or open in both; b alone moves if they are
     the same. forces: what moves them, at least one. frames: their number; frame_rate: frames per
     second, and a second is the unit of time τ. points: of every contour and silhouette, a power of
-    two. FinloopError if the drawings do not match or have other pieces, a number is out of range,
-    or a force names a shape that is not there.
+    two. FinloopError if the drawings do not match, have other pieces or pins, a number is out of
+    range, or a force names a shape that is not there.
     """
     check_sizes("motion", frames, points, 2)
     check_physics(physics)
@@ -96,6 +96,12 @@ def move_drawing(
             "set fewer frames, or more of them a second",
         )
     check_pairs(a, b)
+    if a.pins:
+        raise FinloopError(
+            f"pins of {', '.join(map(repr, a.pins))}, and forces",
+            "pairs without pins: forces move silhouettes, which have none",
+            "leave the pins out",
+        )
     is_one = b is a
     b = fit_drawing(b, a.width, a.height)
     scene = _find_scene(a, forces)

@@ -85,10 +85,24 @@ class Pairing:
         return "; ".join(parts)
 
 
+class _StrictLoader(yaml.SafeLoader):
+    """A loader of YAML without keys that stand twice, of which YAML takes the last in silence."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Return the mapping that a node is; ConstructorError if it has a key twice."""
+        mapping = super().construct_mapping(node, deep)
+        if len(mapping) < len(node.value):
+            raise yaml.constructor.ConstructorError(
+                None, None, "a key stands twice", node.start_mark
+            )
+        return mapping
+
+
 def load_pairing(path: Path) -> Pairing:
     """Load a file of pairs, YAML in the form FORM. FinloopError says what makes it none."""
     try:
-        values: Any = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        text = path.read_text(encoding="utf-8")
+        values: Any = yaml.load(text, _StrictLoader) or {}
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise FinloopError(f"{path} cannot be read: {error}", FORM, "correct it") from error
     problems = []

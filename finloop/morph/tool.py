@@ -63,6 +63,12 @@ def _write_morph(options: argparse.Namespace) -> str:
             "two drawings, or one and a force that moves it",
             "name a second drawing, or add --force",
         )
+    if options.b is None and options.pairs:
+        raise FinloopError(
+            f"one drawing and pairs ({options.pairs})",
+            "a second drawing, whose shapes those of the first become",
+            "give it, or leave --pairs out",
+        )
     if forces and (method not in (None, "physical") or options.back):
         raise FinloopError(
             "--force with --back" if options.back else f"--force with --method {method}",
