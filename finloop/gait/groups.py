@@ -16,14 +16,12 @@ from finloop.base.errors import FinloopError
 from finloop.base.paint import shape_of
 from finloop.curve.contour import nearest_on_curve
 from finloop.gait.ground import Limbs
-from finloop.gait.model import Gait, locate_in_subcycle, opposite_limb
+from finloop.gait.model import Gait, Keys, locate_in_subcycle, opposite_limb
 
 NEAR = 0.001  # share of a contour's size: contours that are nearer than this touch
 POWER = 3  # of distances, in the weights of shifts
 FAR = 5  # a point that is so many times nearer to the carrier than to another moves by itself
 CUT = 0.5  # share of the distance between two points that corners may be cut by, in both keys
-
-Keys = Sequence[Mapping[str, Points]]
 
 
 def find_limbs(drawing: Drawing, gait: Gait) -> dict[str, list[str]]:
