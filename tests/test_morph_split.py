@@ -147,6 +147,26 @@ def test_one_becomes_two_and_looks_as_drawn_at_both_ends(method):
             assert (off > 90).mean() < 5e-4  # neither a seam nor the line of a cut
 
 
+@pytest.mark.parametrize("turn", range(0, 48, 12))
+def test_the_line_of_a_hole_stays_whole_in_a_piece(turn):
+    """It has the dashes of the outer line, which leave the cut open."""
+    left = np.roll(ROUND, turn, axis=0) * 2 + [20, 40]  # wherever it begins
+    two = drawing(dict.fromkeys(("left", "right"), RED), left=polygon(left),
+                  right=polygon(ROUND * 2 + [60, 40]))  # fmt: skip
+    given = Pairing({"left": "body", "right": "body"})
+    one = drawing({"body": RED}, body=[polygon(ROUND * 5 + 20), polygon(ROUND + [30, 40])])
+    done = morph_drawings(*pair_drawings(two, one, given), "linear", 9, 256)
+    assert list(done.layers) == ["left", "left#2", "right"] and done.styles["left"][-1].dashes
+    off = abs(picture(done, -1).astype(int) - picture(one)).max(axis=2)
+    assert (off > 90).mean() < 5e-4
+    # a hole longer round than the piece's line shows the line of the cut, but is whole, too
+    teeth = np.array([[30 + 6 * (k % 2), 36 + k] for k in range(18)])
+    comb = polygon(np.concatenate([teeth, teeth[::-1] - [3, 0]]))
+    one = drawing({"body": RED}, body=[polygon(ROUND * 5 + 20), comb])
+    done = morph_drawings(*pair_drawings(two, one, given), "linear", 9, 256)
+    assert not done.styles["left"][-1].dashes and done.styles["right"][-1].dashes
+
+
 def test_parts_of_a_path_may_differ_in_number():
     i, x = (drawing({"letter": RED}, letter=[Curve(c.points / 14 + [20, 75], True) for c in glyph_outlines(g)])
             for g in "iX")  # fmt: skip

@@ -27,7 +27,7 @@ from finloop.morph.folds import (
     count_polygon_folds,
     stays_simple,
 )
-from finloop.morph.match import FULL, Pins, Resolution, match_curves
+from finloop.morph.match import FULL, SAME, Pins, Resolution, match_curves
 from finloop.morph.shapes import match_shapes
 from finloop.morph.simple import morph_contours
 
@@ -112,6 +112,9 @@ def morph_drawings(
             _require_near(shape, stack, side)
             name = f"{shape}{PART}{number}" if number > 1 else shape
             layers[name], closed[name] = stack, is_closed
+    for drawing, end in ((a, 0), (b, -1)):
+        for name, cuts in drawing.cuts.items():
+            layers[name] = np.roll(layers[name], -_find_start(layers[name][end], cuts), axis=1)
     digits = DIGITS if method == "fold_free" else DIGITS[:1]
     tau = np.linspace(0, 1, frames)
     ends = [{name: stack[end] for name, stack in layers.items()} for end in (0, -1)]
@@ -246,11 +249,13 @@ def mix_styles(
 
     A contour that only one drawing paints has that paint throughout. A gradient moves with its
     contour: from either drawing by the affine motion that fits the motion of the points best. A
-    line leaves cuts open, as a gap between dashes, which closes on the way.
+    line leaves cuts open, as a gap between dashes, which closes on the way; but not where the line
+    of a hole would show gaps, too, since it has the same dashes.
     shares (f,): of the way from `a` to `b` in every frame; layers: contours (f, n, 2) by id; ends:
     of a and of b, the same points (n, 2) by id.
     """
     styles = dict[str, tuple[Paint, ...]]()
+    shapes = layers_by_shape(layers)
     for name, stack in layers.items():
         known = [
             (drawing.styles[name], end[name])
@@ -266,19 +271,24 @@ def mix_styles(
             for drawing, end, whole in zip((a, b), ends, (shares, 1 - shares), strict=True):
                 if name in drawing.cuts:
                     is_cut = _find_cut_edges(end[name], drawing.cuts[name])
+                    holes = [_measure_lengths(layers[hole]) for hole in shapes[name][1:]]
+                    longest = np.max(holes, axis=0) if holes else np.zeros(len(stack))
+                    rows = zip(styles[name], stack, whole, longest, strict=True)
                     styles[name] = tuple(
-                        _leave_gaps(paint, points, is_cut, float(share) / CLOSED_BY)
-                        for paint, points, share in zip(styles[name], stack, whole, strict=True)
+                        _leave_gaps(paint, points, is_cut, float(share) / CLOSED_BY, float(hole))
+                        for paint, points, share, hole in rows
                     )
-    for names in layers_by_shape(layers).values():
+    for names in shapes.values():
         if len(names) > 1 and names[0] in styles:
-            stacks = [layers[name] for name in names]
-            lengths = [
-                np.hypot(*(np.roll(stack, -1, axis=1) - stack).T).sum(axis=0) for stack in stacks
-            ]
+            lengths = [_measure_lengths(layers[name]) for name in names]
             hidden = tuple(map(_hide_points, styles[names[0]], np.transpose(lengths)))
             styles |= dict.fromkeys(names, hidden)
     return styles
+
+
+def _measure_lengths(stack: Points) -> Floats:
+    """Return the length (f,) of a closed contour (f, n, 2) in every frame."""
+    return np.asarray(np.hypot(*(np.roll(stack, -1, axis=1) - stack).T).sum(axis=0))
 
 
 def _hide_points(paint: Paint, lengths: Floats) -> Paint:
@@ -305,11 +315,28 @@ def _find_cut_edges(points: Points, cuts: Points) -> Mask:
     return np.asarray(is_cut)
 
 
-def _leave_gaps(paint: Paint, points: Points, is_cut: Mask, whole: float) -> Paint:
+def _find_start(points: Points, cuts: Points) -> int:
+    """Return the point after a cut of a closed contour (n, 2) where its longest part begins.
+
+    cuts (k, 2, 2): their ends. There is room for the line of a hole, which has the same dashes.
+    """
+    is_cut = _find_cut_edges(points, cuts)
+    starts = np.flatnonzero(~is_cut & np.roll(is_cut, 1))
+    if not len(starts):
+        return 0
+    lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T) * ~is_cut
+    parts = np.add.reduceat(np.roll(lengths, -starts[0]), starts - starts[0])
+    return int(starts[parts.argmax()])
+
+
+def _leave_gaps(
+    paint: Paint, points: Points, is_cut: Mask, whole: float, hole: float = 0.0
+) -> Paint:
     """Return a paint whose line leaves the cut edges of a closed contour (n, 2) open.
 
-    is_cut (n,): of its edges. whole: 0 … 1; towards 1, gaps shrink to their middles. A line with
-    dashes of its own, or on an edge that is cut all round, stays as it is.
+    is_cut (n,): of its edges. whole: 0 … 1; towards 1, gaps shrink to their middles. hole: length
+    of a hole's line, which has the same dashes. A line with dashes of its own, on a contour that is
+    cut all round, or with gaps that the hole would get, stays as it is.
     """
     if paint.stroke is None or paint.dashes or whole >= 1 or is_cut.all() or not is_cut.any():
         return paint
@@ -321,6 +348,10 @@ def _leave_gaps(paint: Paint, points: Points, is_cut: Mask, whole: float) -> Pai
     ends = np.flatnonzero(~cut & np.r_[False, cut[:-1]])
     shrink = whole * (along[ends] - along[begins]) / 2
     gaps = np.stack([along[begins] + shrink, along[ends] - shrink], axis=1)
+    origin = along[-1] - lengths[:start].sum()  # of all lines of the shape: the contour's point 0
+    is_in_gap = ((gaps[:, 0] < origin) & (origin < gaps[:, 1] - SAME * along[-1])).any()
+    if hole and (is_in_gap or hole > ((gaps[:, 0] - origin) % along[-1]).min()):
+        return paint
     widths = np.roll(gaps[:, 1] - gaps[:, 0], -1)  # each after its dash
     dashes = np.append(gaps[1:, 0], gaps[0, 0] + along[-1]) - gaps[:, 1]
     first_dash = lengths[:start].sum() + gaps[0, 1]
