@@ -33,7 +33,7 @@ from stages.settings import PARAMS, format_override
 FILM, KEPT = Path(".ci/fixture/film.yaml"), Path(".ci/fixture") / NUMBERS_NAME
 OUT = Path("reports/fixture")
 SIDE_STAGES = ("morph", "gait", "modes-matching", "modes-hybrid", "tank", "export")
-"""Stages that run beside the others, in this order: each is done before the others reach it."""
+"""Stages that run beside the others, in this order; most are done before the others reach them."""
 TOLERANCE = 1e-3  # largest relative difference of like numbers; half of it: the largest absolute
 
 
