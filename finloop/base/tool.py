@@ -55,8 +55,7 @@ def add_resolution_options(
     """Add the options --level and --wavelet, which say how coarse contours are, to a parser.
 
     other_use: what else the wavelet is of, "" if nothing; usual_wavelet: without the option, in
-    words. The options
-    are 0 and None where they are not given.
+    words. The options are 0 and None where they are not given.
     """
     parser.add_argument(
         "--level",
