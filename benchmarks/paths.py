@@ -151,7 +151,7 @@ def measure_path(
     jumps = [
         stretch.decision.seam
         for stretch, name_of_stretch in zip(record.stretches, record.names, strict=True)
-        if name_of_stretch and stretch.new
+        if name_of_stretch and stretch.begins_with_transition
     ]
     return {
         "film": film_name, "path": name, "timed": path.route.is_timed, "mode": MODE,

@@ -344,7 +344,7 @@ class Project:
                 SocialSteps.from_table(
                     table, move_per_pull=entry["forward"], turn_per_pull=entry["onward"]
                 ),
-                horizon=entry["horizon_frames"], alike=entry["alike"],
+                horizon=entry["horizon_frames"], similar_steps=entry["alike"],
             ),
             *remake_hint("calibrate"),
         )  # fmt: skip

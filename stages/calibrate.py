@@ -58,11 +58,11 @@ def _save_rule(folder: Path, rule: SchoolRule) -> None:
 
     `Project.school_rule` loads it. rule: the zones, in which fish repel, align with and attract
     each other; and the fish's own steps, which last `horizon` frames each. A step is drawn from
-    those `alike` steps of the film that are most similar.
+    those `alike` steps of the film that are the most similar.
     """
     steps = rule.steps
     save_json(folder / "zones.json", {
-        "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
+        "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.similar_steps,
         "forward": steps.move_per_pull, "onward": steps.turn_per_pull,
     })  # fmt: skip
     save_table(folder / "steps.parquet", steps.to_table(), SOCIAL_STEPS)

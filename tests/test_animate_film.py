@@ -40,11 +40,21 @@ def film_player(film_=None, room_=None, **changes):
 def flat(found):
     """The ticks of a swim: way (n, 3), numbers, rotations, whether a jump begins, stretch of each."""
     s = found.stretches
-    rots = [np.zeros(len(one.trajectory)) if one.rot is None else one.rot for one in s]
-    new = np.concatenate([[one.new] + [False] * (len(one.trajectory) - 1) for one in s])
+    rotations_deg = [
+        np.zeros(len(one.trajectory)) if one.rotation_deg is None else one.rotation_deg for one in s
+    ]
+    new = np.concatenate(
+        [[one.begins_with_transition] + [False] * (len(one.trajectory) - 1) for one in s]
+    )
     of = np.repeat(np.arange(len(s)), [len(one.trajectory) for one in s])
     numbers = np.concatenate([one.number for one in s])
-    return np.concatenate([one.trajectory for one in s]), numbers, np.concatenate(rots), new, of
+    return (
+        np.concatenate([one.trajectory for one in s]),
+        numbers,
+        np.concatenate(rotations_deg),
+        new,
+        of,
+    )
 
 
 def on_the_spot(found):
@@ -134,7 +144,7 @@ def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
     table, pairs = toy.rich(heading=pose == BODY)
     reel = toy.film_of(table, pairs, pose)
     found, _ = toy.edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 900, 1)
-    way, number, rot, new, of = flat(found)
+    way, number, rotation_deg, new, of = flat(found)
     partners = {(int(a), int(b)) for a, b in pairs[["a", "b"]].to_numpy()}
     partners |= {(b, a) for a, b in partners}
     still = on_the_spot(found)[of]
@@ -143,20 +153,22 @@ def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
         if still[t]:
             continue
         before = number[t - 1]
-        moved = rotate(reel.dx[before], reel.dy[before], rot[t - 1])
+        moved = rotate(reel.dx[before], reel.dy[before], rotation_deg[t - 1])
         assert way[t, :2] - way[t - 1, :2] == pytest.approx(moved, abs=1e-6)
-        assert wrap_deg(way[t, 2] - reel.heading[number[t]] - rot[t]) == pytest.approx(0, abs=1e-6)
+        assert wrap_deg(way[t, 2] - reel.heading[number[t]] - rotation_deg[t]) == pytest.approx(
+            0, abs=1e-6
+        )
         assert new[t] == (number[t] != before + 1)
         if new[t]:
             assert (before + 1, number[t]) in partners
             jumps += 1
         elif not still[t - 1]:
-            assert rot[t] == pytest.approx(rot[t - 1])
+            assert rotation_deg[t] == pytest.approx(rotation_deg[t - 1])
     assert jumps > 20
     assert still.mean() < 0.3
     if pose == FILM:  # nothing is turned, but on the spot
         stop = int(still.argmax()) if still.any() else len(still)
-        assert stop > 100 and not rot[:stop].any()
+        assert stop > 100 and not rotation_deg[:stop].any()
 
 
 def test_the_heading_goes_on_over_a_jump():
@@ -209,7 +221,7 @@ def test_a_fish_in_the_film_shows_less_of_what_is_dear():
 def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
     mode = film_player(toy.film_of(toy.table_of(toy.arc_track([0.0] * 199)), toy.loops((20, 199))))
     state = mode.begin(np.random.default_rng(0))
-    fish = state.fish._replace(row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
+    fish = state.fish._replace(row=197, rotation_deg=0.0, x=744.0, y=300.0)  # into the wall
     goal = Goal("A", 300.0, 300.0)
     found, then = mode.plan(state._replace(fish=fish), goal, np.random.default_rng(0))
     assert list(found.number) == [198] and then.fish.row == 198
@@ -228,8 +240,8 @@ def test_a_fish_that_fits_a_narrow_place_in_one_picture_alone_gets_away():
     for at in np.random.default_rng(0).choice(len(xs), 12):
         x, y = float(xs[at]), float(ys[at])
         heading = float(np.degrees(np.arctan2(y - goal.y_px, goal.x_px - x)))
-        rot = float(wrap_deg(heading - world.film.heading[fits_there]))
-        fish = Fish(x, y, heading, 0.0, IN_FILM, -1, row=fits_there, rot=rot)
+        rotation_deg = float(wrap_deg(heading - world.film.heading[fits_there]))
+        fish = Fish(x, y, heading, 0.0, IN_FILM, -1, row=fits_there, rotation_deg=rotation_deg)
         state = State(fish, np.zeros(2))
         rng = np.random.default_rng(0)
         for _ in range(60):
@@ -289,7 +301,7 @@ def test_the_way_that_leads_to_the_goal_is_taken(at, row):
         found, then = player.plan(
             State(fish, np.zeros(2)), Goal("A", *at), np.random.default_rng(seed)
         )
-        assert found.number[0] == row and found.new == (row != 20)
+        assert found.number[0] == row and found.begins_with_transition == (row != 20)
         assert found.trajectory[0] == pytest.approx((400 + toy.STEP, 300, 0))
         assert found.options.rows[found.options.taken] == row and len(found.options.rows) == 3
         decision = found.decision
@@ -331,7 +343,7 @@ def test_a_way_that_leaves_the_tank_fails_that_test():
 def test_a_decision_names_the_quadrant_that_the_fish_swims_into(heading, quadrant):
     table = toy.table_of(toy.arc_track([0.0] * 99), toy.arc_track([0.0] * 99))
     player = film_player(toy.film_of(table, toy.loops((20, 120), (60, 21), (160, 121))))
-    fish = Fish(400.0, 300.0, heading, toy.SPEED, IN_FILM, -1, row=30, rot=heading)
+    fish = Fish(400.0, 300.0, heading, toy.SPEED, IN_FILM, -1, row=30, rotation_deg=heading)
     angle = np.radians(heading)
     goal = Goal("A", 400 + 200 * np.cos(angle), 300 - 200 * np.sin(angle))
     found, _ = player.plan(State(fish, np.zeros(2)), goal, np.random.default_rng(0))

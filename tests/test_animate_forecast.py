@@ -192,7 +192,7 @@ def test_the_head_of_a_fish_in_a_corner_turns_no_faster_than_a_fast_fish_swims_o
     for seed in range(20):
         rng = np.random.default_rng(seed)
         fish = Fish(float(x), float(y), 135.0, 2.0, FORECAST, sprite=-1, row=100 + 20 * seed)
-        fish = fish._replace(rot=135.0 - float(one.world.film.heading[fish.row]))
+        fish = fish._replace(rotation_deg=135.0 - float(one.world.film.heading[fish.row]))
         state = State(fish, np.zeros(2))
         for _ in range(6):
             heading = state.fish.heading
@@ -228,7 +228,7 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     film = one.world.film
     for part in found.stretches:
         assert part.state == FORECAST and (np.diff(part.number) == 1).all()
-        turned = part.trajectory[:, 2] - film.heading[part.number] - part.rot
+        turned = part.trajectory[:, 2] - film.heading[part.number] - part.rotation_deg
         assert np.cos(np.radians(turned)) == pytest.approx(1)
     state, rng = one.begin(np.random.default_rng(1), path.route), np.random.default_rng(2)
     stretch, then = one.plan(state, path.route, rng)

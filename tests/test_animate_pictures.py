@@ -206,17 +206,23 @@ def test_a_drawn_cross_fade_lies_between_its_pictures(pictures, kind):
 
 def test_natural_play_has_no_seam_however_it_is_turned(pictures):
     heading = pictures.reel.features["heading_deg"].to_numpy()
-    for rot in (0.0, 77.0, -140.0):
-        edit = edit_of(pictures, *((FRAME, row, heading[row] + rot) for row in range(8)))
+    for rotation_deg in (0.0, 77.0, -140.0):
+        edit = edit_of(pictures, *((FRAME, row, heading[row] + rotation_deg) for row in range(8)))
         assert [len(part) for part in measure_discontinuities(edit, pictures)] == [0, 0]
     edit = edit_of(pictures, *((SPRITE, number, 0.0) for number in (0, 1, 2)))
     assert len(measure_discontinuities(edit, pictures)[0]) == 0
 
 
-@pytest.mark.parametrize("rot", [0.0, 90.0, 33.0])
-def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rot):
+@pytest.mark.parametrize("rotation_deg", [0.0, 90.0, 33.0])
+def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rotation_deg):
     # Rows 0, 1, 2, then row 10 in place of row 3, headed as row 3 would have been.
-    headings = [rot, rot + 10, rot + 20, rot + 30, rot + 25]
+    headings = [
+        rotation_deg,
+        rotation_deg + 10,
+        rotation_deg + 20,
+        rotation_deg + 30,
+        rotation_deg + 25,
+    ]
     rows = [0, 1, 2, 10, 11]
     edit = edit_of(pictures, *((FRAME, row, h) for row, h in zip(rows, headings, strict=True)))
     found, ticks = measure_discontinuities(edit, pictures)

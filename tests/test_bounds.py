@@ -102,7 +102,7 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     player, rng = replace(player, world=own_world), np.random.default_rng(0)
     keeper = player._fallback
     fish = player.begin(rng).fish._replace(x=232.0, y=150.0, heading=0.0)
-    fish = fish._replace(rot=-float(own_world.film.heading[fish.row]))
+    fish = fish._replace(rotation_deg=-float(own_world.film.heading[fish.row]))
     *_, ahead = keeper._in_place_stretches(fish, Target(0, 0, 0, 0))
     ahead = replace(
         ahead, trajectory=np.repeat([[300.0, 150.0, 0.0]], len(ahead.trajectory), axis=0)

@@ -355,7 +355,11 @@ def test_the_verb_returns_the_rule_of_the_stage(zones_run, monkeypatch):
     monkeypatch.setattr(CalibrateSettings, "horizon", 1.0)
     film = SimpleNamespace(arena=ARENA)
     rule, stored = finloop.find_zones(swim(TRUE, frames=200), film), Project().school_rule
-    assert (rule.zones, rule.horizon, rule.alike) == (stored.zones, stored.horizon, stored.alike)
+    assert (rule.zones, rule.horizon, rule.similar_steps) == (
+        stored.zones,
+        stored.horizon,
+        stored.similar_steps,
+    )
     assert rule.steps.move.tolist() == stored.steps.move.tolist()
     for name in ("move_per_pull", "turn_per_pull"):
         assert getattr(rule.steps, name) == getattr(stored.steps, name)

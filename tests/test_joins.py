@@ -36,15 +36,15 @@ BODIES = bodies_of(rich_film())
 HOW = JoinRules(INERTIAL, 3, DECAY, BODIES, np.zeros(len(BODIES.goes_on), bool))
 
 
-def frames(*runs, mirrored=False, rot=0.0):
+def frames(*runs, mirrored=False, rotation_deg=0.0):
     """Runs (first row, ticks) of the film, one after the other."""
     rows = np.concatenate([np.arange(first, first + ticks) for first, ticks in runs])
     n = len(rows)
-    return PictureSequence(np.ones(n, bool), rows, np.full(n, rot), np.full(n, mirrored))
+    return PictureSequence(np.ones(n, bool), rows, np.full(n, rotation_deg), np.full(n, mirrored))
 
 
 def shown_bodies(shown):
-    return BODIES.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
+    return BODIES.picture_bodies(shown.frame, shown.number, shown.rotation_deg, shown.mirrored)
 
 
 def inertialize_shown(shown, how=HOW):

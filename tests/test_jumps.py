@@ -264,11 +264,13 @@ def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_h
     n, rows = len(table), np.arange(200, 260)
     for name, sign in (("dx", 1), ("dy", -1), ("heading", -1), ("speed", 1), ("area", 1)):
         assert getattr(made, name)[rows + n] == pytest.approx(sign * getattr(made, name)[rows])
-    rot = np.full(len(rows), 25.0)
-    shown = resolve_mirror_images(np.ones(len(rows), bool), rows + n, rot, made.heading[:n])
+    rotation_deg = np.full(len(rows), 25.0)
+    shown = resolve_mirror_images(
+        np.ones(len(rows), bool), rows + n, rotation_deg, made.heading[:n]
+    )
     assert shown.mirrored.all() and shown.number.tolist() == rows.tolist()
-    drawn = table["heading_deg"].to_numpy()[rows] + shown.rot
-    assert wrap_deg(drawn - (made.heading[rows + n] + rot)) == pytest.approx(0, abs=1e-9)
+    drawn = table["heading_deg"].to_numpy()[rows] + shown.rotation_deg
+    assert wrap_deg(drawn - (made.heading[rows + n] + rotation_deg)) == pytest.approx(0, abs=1e-9)
 
 
 def test_who_wanders_takes_the_film_as_it_comes(rng):

@@ -81,10 +81,10 @@ def in_film(film, rng, room=None):
     """A fish somewhere in the tank, at a row from which the film goes on."""
     goes_on = film.has_next[:-2] & film.can_play_on(np.arange(1, len(film.has_next) - 1))
     row = int(rng.choice(np.flatnonzero(goes_on)))
-    rot = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
+    rotation_deg = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
     x, y = (room or toy.open_tank()).random_point(rng)
-    heading = float(wrap_deg(film.heading[row] + rot))
-    return Fish(x, y, heading, 2.0, IN_FILM, -1, row=row, rot=rot, since=100)
+    heading = float(wrap_deg(film.heading[row] + rotation_deg))
+    return Fish(x, y, heading, 2.0, IN_FILM, -1, row=row, rotation_deg=rotation_deg, since=100)
 
 
 def partners(pairs):
@@ -181,7 +181,9 @@ def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode
     for rate in (toy.RATE, 8 * toy.RATE):
         player = player_of_a_film_at(rate, mode)
         parts = animate_fish(player, A, 600, np.random.default_rng(3)).stretches
-        swims.append([(one.trajectory, one.number, one.rot, one.decision.reason) for one in parts])
+        swims.append(
+            [(one.trajectory, one.number, one.rotation_deg, one.decision.reason) for one in parts]
+        )
     for one, quicker in zip(*swims, strict=True):
         for mine, other in zip(one, quicker, strict=True):
             np.testing.assert_array_equal(mine, other)
@@ -218,12 +220,12 @@ def slow_way(film, tank_, start, place, goal, least):
 
     None where there is none; a way that has touched its goal ends at the next loop end.
     """
-    (row, rot), (x, y), n, legal, within, touch = start, place, 0, [], [], False
-    begins = film.heading[row] + rot
+    (row, rotation_deg), (x, y), n, legal, within, touch = start, place, 0, [], [], False
+    begins = film.heading[row] + rotation_deg
     wanted = quadrant_of_displacement(goal.x - place[0], place[1] - goal.y)
     while is_legal_point(tank_.legal, x, y):
         n += 1
-        touch = touch or touches_target(x, y, film.heading[row] + rot, goal)
+        touch = touch or touches_target(x, y, film.heading[row] + rotation_deg, goal)
         end = film.jump_slot[row + 1] if film.has_next[row] else -1
         ends = end >= 0 and film.start[end + 1] > film.start[end]
         if ends and (touch or n >= least):
@@ -234,7 +236,7 @@ def slow_way(film, tank_, start, place, goal, least):
                 legal.append(within[-1])
         if not film.has_next[row] or (touch and ends):
             break
-        dx, dy = rotate(film.dx[row], film.dy[row], rot)
+        dx, dy = rotate(film.dx[row], film.dy[row], rotation_deg)
         x, y, row = x + dx, y + dy, row + 1
     return nearest_of(legal), nearest_of(within)
 
@@ -259,9 +261,9 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
         goal = toy.spot(*small.random_point(rng))._replace(free=free)
         starts = play_.next_candidates(fish)
         ways = play_.roll_out(play_.next_place(fish), starts, goal)
-        for way, (row, rot, seam) in enumerate(zip(*starts[:3], strict=True)):
+        for way, (row, rotation_deg, seam) in enumerate(zip(*starts[:3], strict=True)):
             place, least = play_.next_place(fish), STAY if seam > 0 else 1
-            best, any_ = slow_way(film, small, (row, rot), place, goal, least)
+            best, any_ = slow_way(film, small, (row, rotation_deg), place, goal, least)
             if any(one is not None and np.isnan(one[1]) for one in (best, any_)):
                 continue  # round in a circle: by the last bit one or the other is nearer
             assert ways.ticks[way] == (best[1] if best else 0)
@@ -284,26 +286,30 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
     ends, jumps, before = partners(pairs), 0, None
     for one in found.stretches:
         assert (np.diff(one.number) == 1).all() and film.has_next[one.number[:-1]].all()
-        heading = film.heading[one.number] + one.rot
+        heading = film.heading[one.number] + one.rotation_deg
         assert wrap_deg(one.trajectory[:, 2] - heading) == pytest.approx(0, abs=1e-9)
         if one.decision.reason != "spot":  # each row leads as its fish swam, turned
             shown = [one] if before is None else [before, one]
-            way, number, rot = (
-                np.concatenate([getattr(part, name) for part in shown])[-len(one.rot) - 1 :]
-                for name in ("trajectory", "number", "rot")
+            way, number, rotation_deg = (
+                np.concatenate([getattr(part, name) for part in shown])[
+                    -len(one.rotation_deg) - 1 :
+                ]
+                for name in ("trajectory", "number", "rotation_deg")
             )
-            rows = zip(number[:-1], rot[:-1], strict=True)
+            rows = zip(number[:-1], rotation_deg[:-1], strict=True)
             goes = [rotate(film.dx[row], film.dy[row], angle) for row, angle in rows]
             assert np.diff(way[:, :2], axis=0) == pytest.approx(np.array(goes), abs=1e-6)
         if before is not None:
             last, first = before.number[-1], one.number[0]
-            assert one.new == (first != last + 1)
-            assert ((last + 1, first) in ends) if one.new else film.has_next[last]
-            assert mark_loop_ends(film)[last] or not one.new
+            assert one.begins_with_transition == (first != last + 1)
+            assert (
+                ((last + 1, first) in ends) if one.begins_with_transition else film.has_next[last]
+            )
+            assert mark_loop_ends(film)[last] or not one.begins_with_transition
             if pose == BODY:  # the heading goes on as if the film had played on
-                turned = film.heading[last + 1] + before.rot[-1] - heading[0]
+                turned = film.heading[last + 1] + before.rotation_deg[-1] - heading[0]
                 assert wrap_deg(turned) == pytest.approx(0, abs=1e-6)
-            jumps += one.new
+            jumps += one.begins_with_transition
         before = one
     assert jumps > (20 if choice == "jump" else 5)
     assert (pose == BODY) == bool(edit["rotation_deg"].any())
@@ -332,14 +338,17 @@ def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choi
         if passes.any():
             assert taken.number[0] in starts.rows[passes]
             assert choice == "any" or taken.number[0] == starts.rows[chosen]
-            assert taken.new == (taken.decision.reason == "jump")
+            assert taken.begins_with_transition == (taken.decision.reason == "jump")
         if passes.any() and choice != "any":  # of several jumps the one that leads nearest
             mine = starts.rows == taken.number[0]
-            assert ways.far[mine].item() == ways.far[jumps if taken.new else plays].min()
+            assert (
+                ways.far[mine].item()
+                == ways.far[jumps if taken.begins_with_transition else plays].min()
+            )
         if plays.any() and jumps.any():
-            took[taken.new] += 1
+            took[taken.begins_with_transition] += 1
         elif plays.any() or jumps.any():
-            assert taken.new == jumps.any()
+            assert taken.begins_with_transition == jumps.any()
     assert (took[True] > 0, took[False] > 0) == (choice != "play", choice != "jump")
     assert sum(took.values()) > 50
 
@@ -357,7 +366,7 @@ def test_after_a_jump_comes_at_least_so_much_film(stay, choice):
         stretch, state = player.plan(state, Goal("A", *toy.open_tank().random_point(rng)), rng)
         if rng.random() < 0.5:
             stretch, state = player.cut(before, stretch, int(rng.integers(1, 9)))
-        if stretch.new:
+        if stretch.begins_with_transition:
             last = before.fish.row + 1
             plays_on = film.has_next[last] and film.recurrent[last + 1]
             if since is not None and plays_on and stretch.decision.reason != "spot":
@@ -388,8 +397,8 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
         assert found.decision.reason == "spot"
         assert found.decision.candidates_tank == found.decision.candidates
         assert (found.trajectory == [x, 300.0, 0.0]).all() and not found.touches_goal
-        assert found.new == (found.number[0] != fish.row + 1)
-        if found.new:
+        assert found.begins_with_transition == (found.number[0] != fish.row + 1)
+        if found.begins_with_transition:
             assert (fish.row + 1, found.number[0]) in ends
         assert (np.diff(found.number) == 1).all() and film.has_next[found.number].all()
         fish = mode.end_state(fish, found)
@@ -409,7 +418,7 @@ def test_a_dead_end_is_never_played_into(mode):
     for seed in range(2):
         found, _ = toy.edit_of(player, [], 2000, seed)
         assert goes_on[np.concatenate([one.number for one in found.stretches])].all()
-        assert sum(one.new for one in found.stretches) > 20
+        assert sum(one.begins_with_transition for one in found.stretches) > 20
 
 
 def test_a_film_whose_loops_lead_to_its_end_alone_is_not_played():
@@ -444,7 +453,7 @@ def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, row
     assert {int(one.number[0]) for one in found} == (rows or {20, 170, 320})
     for one in found:
         assert one.trajectory[0] == pytest.approx((300 + toy.STEP, 300, 0))
-        assert one.new == (one.number[0] > 20)
+        assert one.begins_with_transition == (one.number[0] > 20)
         assert one.decision.candidates == 3 and one.decision.quadrant == (quadrant_ if rows else 0)
         assert one.decision.candidates_quadrant == 3 - len(rows)
 
@@ -686,11 +695,15 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
         goal = toy.spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
         ways = mode.loops.roll_out(mode.loops.next_place(fish), starts, goal)
         left = mode.leave_film(fish, ways, goal)
-        assert list(left.number) == [3] and left.new and left.decision.exit == "no_way"
+        assert (
+            list(left.number) == [3]
+            and left.begins_with_transition
+            and left.decision.exit == "no_way"
+        )
         there = mode.end_state(fish, left)
         assert (there.row, there.sprite, there.since) == (-1, 3, 1)
         then = network.next_stretch(there, goal, rng)
-        assert then.number[0] == 4 and not then.new
+        assert then.number[0] == 4 and not then.begins_with_transition
 
 
 def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
@@ -758,7 +771,11 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode,
     number, kind = table["source"].to_numpy(), table["kind"].to_numpy()
     rotation, weight = table["rotation_deg"].to_numpy(float), table["weight"].to_numpy(float)
     starts = np.cumsum([0, *(len(one.trajectory) for one in found.stretches)])
-    begins = [tick for tick, one in zip(starts, found.stretches, strict=False) if one.new]
+    begins = [
+        tick
+        for tick, one in zip(starts, found.stretches, strict=False)
+        if one.begins_with_transition
+    ]
     begins = np.array([tick for tick in begins if 0 < tick < 1500])
     assert set(np.concatenate(switches(table))) <= set(begins) and len(begins) > 10
     if mode == "matching":

@@ -241,7 +241,7 @@ def test_the_film_is_swum_along_a_path_lap_after_lap():
     # What is shown is the film, turned as the fish is, and goes on as the film does between jumps.
     film = toy.film_world_of().film
     for one in recorded.stretches:
-        turned = one.trajectory[:, 2] - film.heading[one.number] - one.rot
+        turned = one.trajectory[:, 2] - film.heading[one.number] - one.rotation_deg
         assert np.cos(np.radians(turned)) == pytest.approx(1)
         assert (np.diff(one.number) == 1).all()
 

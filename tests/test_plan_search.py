@@ -57,19 +57,19 @@ TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
 EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)
 
 
-def candidates_of(rows, rots, terms=None):
+def candidates_of(rows, rotations_deg, terms=None):
     """Candidates that are no jumps; terms (k, t) of what each costs."""
     n = len(rows)
     terms = np.zeros((n, len(TERMS))) if terms is None else terms
-    return Candidates(np.asarray(rows), rots, np.zeros(n), np.zeros(n, bool), terms)
+    return Candidates(np.asarray(rows), rotations_deg, np.zeros(n), np.zeros(n, bool), terms)
 
 
 # --- against a slow search
 
 
-def slow_leg(reel, legal, place, rot, row, left, stride, aim):
+def slow_leg(reel, legal, place, rotation_deg, row, left, stride, aim):
     """A leg in strides: the place, the row (−1: no farther), its ticks, whether it touches."""
-    angle, t = np.radians(rot), 0
+    angle, t = np.radians(rotation_deg), 0
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     stop, to_end = row, 0
     while reel.has_next[stop] and not (to_end >= stride and reel.jump_slot[stop] >= 0):
@@ -85,12 +85,12 @@ def slow_leg(reel, legal, place, rot, row, left, stride, aim):
         if not is_legal_point(legal, *place):
             return place, -1, t - ticks, False
         goes_on = reel.has_next[row] and reel.recurrent[row + 1]
-        if goes_on and touches_target(*place, reel.heading[row] + rot, aim):
+        if goes_on and touches_target(*place, reel.heading[row] + rotation_deg, aim):
             return place, row, t, True
     return place, row, t, False
 
 
-def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
+def slow_search(reel, legal, start, rotation_deg, row, aim, weights, horizon):
     """Every way there is, one after the other: the value of the best, and ticks."""
     found, longest = [], 0
 
@@ -99,11 +99,11 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
         tick = max(last_on_screen(start.recent, row, last), shown.get(last, NEVER))
         return 20 * max(0, 1 - (start.tick + t - tick) / 300)
 
-    def follow(place, rot, row, t, cost, shown):
+    def follow(place, rotation_deg, row, t, cost, shown):
         nonlocal longest
         first, before = row, t
         place, row, ticks, touched = slow_leg(
-            reel, legal, place, rot, row, horizon - t, weights.stride, aim
+            reel, legal, place, rotation_deg, row, horizon - t, weights.stride, aim
         )
         t += ticks
         longest = max(longest, t)
@@ -113,7 +113,7 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
         cost += reel.rarity_sum[row] - reel.rarity_sum[first]
         if not reel.recurrent[row]:
             return
-        heading = reel.heading[row] + rot
+        heading = reel.heading[row] + rotation_deg
         if touched:
             found.append((t + cost, t))
             return
@@ -122,7 +122,7 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
             found.append((t + cost + np.hypot(*(place - aim[:2])) / 3 + off / 5, t))
             return
         if reel.has_next[row] and reel.recurrent[row + 1]:
-            follow(place, rot, row, t, cost + repeat(row, t, shown), shown)
+            follow(place, rotation_deg, row, t, cost + repeat(row, t, shown), shown)
         if reel.jump_slot[row] < 0:
             return
         for e in range(reel.start[reel.jump_slot[row]], reel.start[reel.jump_slot[row] + 1]):
@@ -130,12 +130,12 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
             if not reel.has_next[other : other + weights.stride].all():
                 continue  # the film ends too soon
             price = 6 * reel.seam[e] + repeat(other, t, shown)
-            turned = heading - reel.heading[other] if reel.jumps_keep_heading else rot
+            turned = heading - reel.heading[other] if reel.jumps_keep_heading else rotation_deg
             follow(place, turned, other, t, cost + price, shown)
 
     place = np.array([start.x, start.y])
     if reel.recurrent[row] and is_legal_point(legal, *place):
-        follow(place, rot, row, 0, 0.0, {})
+        follow(place, rotation_deg, row, 0, 0.0, {})
     return min(found) if found else (np.inf, longest)
 
 
@@ -150,7 +150,7 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         legal = np.zeros((90, 90), bool)
         legal[5 : int(rng.integers(40, 85)), 5:85] = True
         rows = np.flatnonzero(reel.has_next)
-        rots, every = rng.uniform(-180, 180, len(rows)), np.arange(n)
+        rotations_deg, every = rng.uniform(-180, 180, len(rows)), np.arange(n)
         recent = np.stack([every, every, rng.integers(-500, 500, n)], 1)
         start = SearchStart(rng.uniform(20, 40), rng.uniform(20, 40), 500, recent)
         aim = spot(*rng.uniform(-40, 130, 2))
@@ -160,11 +160,13 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         graph = search_graph(reel, bounds, weights, 5)
         terms = np.zeros((len(rows), len(TERMS)))
         terms[:, CHANCE] = rng.uniform(0, 9, len(rows))
-        made = candidates_of(rows, rots, terms)
+        made = candidates_of(rows, rotations_deg, terms)
         found, _ = beam_search(graph, made, start, target_objective(aim), weights, horizon)
         assert not found.displaced.any()
         for i, row in enumerate(rows):
-            value, ticks = slow_search(reel, legal, start, rots[i], row, aim, weights, horizon)
+            value, ticks = slow_search(
+                reel, legal, start, rotations_deg[i], row, aim, weights, horizon
+            )
             # The angle to the goal is estimated, to 0.004° of 5° a tick.
             assert found.costs[i] - terms[i, CHANCE] == pytest.approx(value, abs=1e-3)
             if np.isfinite(value):
@@ -197,11 +199,11 @@ def test_the_angle_of_a_cosine_is_estimated_to_a_fraction_of_a_degree():
     assert angles[0] == 180 and angles[-1] == 0
 
 
-def wanderer(reel, room, rows, rots, aim, beam=24, place=(400.0, 300.0), horizon=40):
+def wanderer(reel, room, rows, rotations_deg, aim, beam=24, place=(400.0, 300.0), horizon=40):
     graph = search_graph(reel, tank_bounds(room), WEIGHTS, 5)
     start, weights = SearchStart(*place, 0, NOTHING), WEIGHTS._replace(beam=beam)
     return beam_search(
-        graph, candidates_of(rows, rots), start, target_objective(aim), weights, horizon
+        graph, candidates_of(rows, rotations_deg), start, target_objective(aim), weights, horizon
     )
 
 
@@ -209,8 +211,8 @@ def test_more_beam_is_never_worse_and_a_narrow_one_says_what_it_gave_up():
     rng, given_up, reel = np.random.default_rng(3), 0, rich_film()
     for _ in range(20):
         rows = rng.choice(np.flatnonzero(reel.recurrent & reel.has_next), 12)
-        rots, aim = rng.uniform(-180, 180, 12), spot(*rng.uniform(100, 500, 2))
-        asked = reel, open_tank(), rows, rots, aim
+        rotations_deg, aim = rng.uniform(-180, 180, 12), spot(*rng.uniform(100, 500, 2))
+        asked = reel, open_tank(), rows, rotations_deg, aim
         narrow, wide = (wanderer(*asked, beam, horizon=16)[0] for beam in (4, 100_000))
         assert (narrow.costs >= wide.costs - 1e-9).all() and not wide.displaced.any()
         assert narrow.costs.min() < np.inf
@@ -231,11 +233,19 @@ def test_turning_the_tank_turns_the_plan():
     turned = np.rot90(arena)  # anticlockwise as seen
     for _ in range(10):
         rows = rng.choice(np.flatnonzero(reel.recurrent & reel.has_next), 8)
-        rots, (x, y) = rng.uniform(-180, 180, 8), rng.uniform(120, 300, 2).round()
+        rotations_deg, (x, y) = rng.uniform(-180, 180, 8), rng.uniform(120, 300, 2).round()
         aim_x, aim_y = rng.uniform(100, 380, 2).round()
-        one, here = wanderer(reel, room_of(arena), rows, rots, spot(aim_x, aim_y), 500, (x, y))
+        one, here = wanderer(
+            reel, room_of(arena), rows, rotations_deg, spot(aim_x, aim_y), 500, (x, y)
+        )
         other, there = wanderer(
-            reel, room_of(turned), rows, rots + 90, spot(aim_y, 600 - aim_x), 500, (y, 600 - x)
+            reel,
+            room_of(turned),
+            rows,
+            rotations_deg + 90,
+            spot(aim_y, 600 - aim_x),
+            500,
+            (y, 600 - x),
         )
         assert one.costs == pytest.approx(other.costs, abs=1e-6)
         assert here.tolist() == there.tolist()
@@ -254,11 +264,13 @@ def test_a_mirrored_tank_gives_the_mirrored_plan():
     arena[20:400, 60:700] = True
     for _ in range(10):
         rows = rng.choice(np.flatnonzero(reel.recurrent & reel.has_next), 8)
-        rots, (x, y) = rng.uniform(-180, 180, 8), rng.uniform(120, 300, 2).round()
+        rotations_deg, (x, y) = rng.uniform(-180, 180, 8), rng.uniform(120, 300, 2).round()
         aim_x, aim_y = rng.uniform(100, 380, 2).round()
-        one, here = wanderer(reel, room_of(arena), rows, rots, spot(aim_x, aim_y), 500, (x, y))
+        one, here = wanderer(
+            reel, room_of(arena), rows, rotations_deg, spot(aim_x, aim_y), 500, (x, y)
+        )
         other, there = wanderer(
-            flipped, room_of(arena[::-1].copy()), rows, -rots, spot(aim_x, 600 - aim_y), 500,
+            flipped, room_of(arena[::-1].copy()), rows, -rotations_deg, spot(aim_x, 600 - aim_y), 500,
             (x, 600 - y),
         )  # fmt: skip
         assert one.costs == pytest.approx(other.costs, abs=1e-6)
@@ -351,10 +363,10 @@ def lay_route(line, world):
     return lay_path(line, world.tank, world.motion, None).route
 
 
-def search_route(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
+def search_route(world, route, beam, row=5, rotation_deg=0.0, place=(400.0, 300.0)):
     """The graph, what becomes of the ways on from a row along a path, the rows of the best."""
     graph, film = matching_of(world).film.graph, world.film
-    made = film_candidates(film, row, rot)
+    made = film_candidates(film, row, rotation_deg)
     start = SearchStart(*place, 1, NOTHING)
     weights = world.cost_weights._replace(beam=beam, repeat=0.0)
     return graph, *beam_search(

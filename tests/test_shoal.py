@@ -150,7 +150,9 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     player = toy.matching_of(toy.film_world_of(room_=wall))
     x, y = 200.0, float(np.flatnonzero(wall.legal[:, 200])[0])
     begun = player.begin(np.random.default_rng(0)).fish
-    first = begun._replace(x=x, y=y, heading=90.0, rot=begun.rot + 90.0 - begun.heading)
+    first = begun._replace(
+        x=x, y=y, heading=90.0, rotation_deg=begun.rotation_deg + 90.0 - begun.heading
+    )
     avoider = player._fallback
 
     def with_neighbours(fish, gap):

@@ -537,10 +537,10 @@ def test_a_loop_that_closes_is_preferred(toy):
         {"start": first + 5, "length": [BEAT - 3, BEAT, BEAT + 3], "fault": 1.0}
     )
     (best,) = best_runs_of_tracks(toy.table, candidates, toy.look, 1e-6, AUTOMATIC, is_cycle=True)
-    assert len(best) == BEAT and set(best.faults) == {"fault", "does not close", "soft"}
+    assert len(best) == BEAT and set(best.faults) == {"fault", "does not close", "blurred"}
 
 
-def test_blurred_pictures_are_soft(toy):
+def test_blurred_pictures_are_a_fault(toy):
     look = toy.look
     clear = look(np.array([3]), np.array([20.0]))
     soft = np.stack([cv2.GaussianBlur(one, (0, 0), 1.5) for one in clear])

@@ -36,8 +36,8 @@ def search_picture(folder: Path) -> Picture:
     shades = mpl.colormaps["viridis_r"]
     low, high = options.costs[good].min(), options.costs[good].max()
     every = [
-        _film_path(planner, state, int(row), float(rot))
-        for row, rot in zip(options.rows, options.rots, strict=True)
+        _film_path(planner, state, int(row), float(rotation_deg))
+        for row, rotation_deg in zip(options.rows, options.rotations_deg, strict=True)
     ]
     for one, value in zip(every, options.costs, strict=True):
         x, y = one.T
@@ -90,7 +90,7 @@ def _swim_path(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floa
     rng, places, jumps, ticks = np.random.default_rng(0), [], [], 0
     while ticks < TAKEN_S * planner.world.motion.rate_hz:
         stretch, state = planner.plan(state, goal, rng)
-        if stretch.new:
+        if stretch.begins_with_transition:
             jumps.append(ticks)
         places.append(stretch.trajectory)
         ticks += len(stretch.trajectory)
@@ -99,12 +99,12 @@ def _swim_path(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floa
     return np.concatenate(places), np.array(jumps, int)
 
 
-def _film_path(planner: Planner, state: State, row: int, rot: float) -> Floats:
+def _film_path(planner: Planner, state: State, row: int, rotation_deg: float) -> Floats:
     """Return the positions (n, 2) that playing the film from a row gives a fish."""
     film, x, y = planner.world.film, state.fish.x, state.fish.y
     ticks, places = round(WAY_S * planner.world.motion.rate_hz), [(x, y)]
     while ticks and film.has_next[row]:
-        dx, dy = rotate(film.dx[row], film.dy[row], rot)
+        dx, dy = rotate(film.dx[row], film.dy[row], rotation_deg)
         x, y, row, ticks = x + dx, y + dy, row + 1, ticks - 1
         places.append((x, y))
     return np.array(places)

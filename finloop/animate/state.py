@@ -17,7 +17,7 @@ class Fish(NamedTuple):
     x, y in px, heading in degrees, speed in body lengths/s; state: number in `STATES`; sprite: the
     last one shown, −1 in the film; phase: place in its cycle of sprites, in frames; area: relative
     motion area; tick: ticks since its beginning. In the film: row, the last one shown, −1 for none;
-    rot, its rotation in degrees; since, ticks since the last jump, or since the film was left;
+    rotation_deg, of its picture; since, ticks since the last jump, or since the film was left;
     recent (m, 3): stretches of film that were on screen (`finloop.animate.memory`). When predicted:
     past (L + 1, d), its last states, the present one first (`finloop.forecast.sampling`). lag:
     ticks that it lags behind the film (`Tempo`). company: where the other fish will be, for the
@@ -34,7 +34,7 @@ class Fish(NamedTuple):
     area: float = 0.0
     tick: int = 0
     row: int = -1
-    rot: float = 0.0
+    rotation_deg: float = 0.0
     since: int = 0
     recent: Ints = _NOTHING
     past: Floats | None = None

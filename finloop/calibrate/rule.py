@@ -30,7 +30,7 @@ def fit_film_rule(
     fit = None if describe_shortage(film) else fit_zones(film, settings)
     zones = fit.zones if fit else default_zones(settings)
     steps = measure_steps_without_others(film, film.rows_with_whole_steps(settings.rows), zones)
-    return SchoolRule(zones, steps, film.horizon_frames, settings.alike), fit
+    return SchoolRule(zones, steps, film.horizon_frames, settings.similar_steps), fit
 
 
 def describe_shortage(film: FilmGroup) -> str:
@@ -99,7 +99,10 @@ def simulate_point_fish(
         pulls = pull_of_others(all_neighbours(place, heading), zones)
         # Each fish draws some steps of the film that began alike: (fish, steps).
         moves, turns = steps.draw_similar_steps(
-            walls.vectors_from_wall(place, heading), last * heading.conj(), settings.alike, rng
+            walls.vectors_from_wall(place, heading),
+            last * heading.conj(),
+            settings.similar_steps,
+            rng,
         )
         offsets = heading * (moves.T + steps.move_per_pull * pulls)
         inside = walls.is_inside(place + offsets)

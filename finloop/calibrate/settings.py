@@ -36,9 +36,9 @@ class CalibrateSettings:
     # degrees, tried as blind angles: from none to the half behind the fish
     blind_angles_deg: ClassVar[tuple[float, ...]] = (0.0, 45.0, 90.0, 135.0, 180.0)
     rows: ClassVar[int] = 5000  # of each half of the film, evenly spread, at most: bounds the time
-    # steps of the film, the most alike by wall and motion, from which one is drawn: few enough to
-    # be alike, enough for chance
-    alike: ClassVar[int] = 30
+    # steps of the film, the most similar by wall and motion, from which one is drawn: few enough to
+    # be similar, enough for chance
+    similar_steps: ClassVar[int] = 30
     steps: ClassVar[int] = 4000  # that simulated fish swim for the measures: bounds the time
     seed: ClassVar[int] = 0  # of these fish: they check the fit and change no animation
     RENAMED: ClassVar = {

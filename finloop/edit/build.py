@@ -120,14 +120,14 @@ def edit_columns(
     lengths = np.array([len(stretch.trajectory) for stretch in stretches])
     stretch_of_tick = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     trajectory = np.concatenate([stretch.trajectory for stretch in stretches])[:ticks]
-    rots = [
-        np.zeros(len(stretch.trajectory)) if stretch.rot is None else stretch.rot
+    rotations_deg = [
+        np.zeros(len(stretch.trajectory)) if stretch.rotation_deg is None else stretch.rotation_deg
         for stretch in stretches
     ]
     pictures = resolve_mirror_images(
         frame=np.array([stretch.kind == FRAME for stretch in stretches])[stretch_of_tick],
         number=np.concatenate([stretch.number for stretch in stretches])[:ticks],
-        rot=np.concatenate(rots)[:ticks],
+        rotation_deg=np.concatenate(rotations_deg)[:ticks],
         heading_deg=inputs.heading_deg,
     )
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
@@ -137,14 +137,14 @@ def edit_columns(
     speed = step / inputs.body_length_px * inputs.rate_hz
     if len(speed) > 1:
         speed[0] = speed[1]  # before the first tick there is no step
-    is_new = np.array([stretch.new for stretch in stretches])[: len(first_ticks)]
-    new_ticks = first_ticks[is_new & (first_ticks > 0)]
+    changes = np.array([stretch.begins_with_transition for stretch in stretches])
+    transition_ticks = first_ticks[changes[: len(first_ticks)] & (first_ticks > 0)]
     aims = np.array([stretch.aim for stretch in stretches])[stretch_of_tick]
     state = np.array([stretch.state for stretch in stretches])[stretch_of_tick]
     return {
         "tick": np.arange(ticks),
         "time_s": np.arange(ticks) / inputs.rate_hz,
-        **_join_columns(pictures, heading, new_ticks, inputs),
+        **_join_columns(pictures, heading, transition_ticks, inputs),
         "x_px": trajectory[:, 0],
         "y_px": trajectory[:, 1],
         "heading_deg": heading,
@@ -159,40 +159,40 @@ def edit_columns(
 
 
 def resolve_mirror_images(
-    frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
+    frame: Mask, number: Ints, rotation_deg: Floats, heading_deg: Reals
 ) -> PictureSequence:
     """Return pictures (ticks,) in which number n + i, the mirror image of row i, is row i mirrored.
 
     frame (ticks,): whether each picture is a frame; number (ticks,): its row i, n + i for row i
-    upside down, or a sprite; rot (ticks,): a frame's rotation, degrees; heading_deg (n,): of the
-    rows as filmed. Row i is drawn mirrored about its own heading, so its rotation changes.
+    upside down, or a sprite; rotation_deg (ticks,): of frames; heading_deg (n,): of the rows as
+    filmed. Row i is drawn mirrored about its own heading, so its rotation changes.
     """
     rows = len(heading_deg)
     mirrored = frame & (number >= rows)
     row = np.where(mirrored, number - rows, number)
     heading = heading_deg[np.where(frame, row, 0)]
-    turned = np.where(mirrored, wrap_deg(rot - 2 * heading), rot)
+    turned = np.where(mirrored, wrap_deg(rotation_deg - 2 * heading), rotation_deg)
     return PictureSequence(frame, row, turned, mirrored)
 
 
 def _join_columns(
-    pictures: PictureSequence, heading: Floats, new: Ints, inputs: EditInputs
+    pictures: PictureSequence, heading: Floats, transitions: Ints, inputs: EditInputs
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of pictures, poses, and pictures that fade out, by name.
 
-    heading (ticks,): of the fish, degrees; new: ticks whose picture does not continue the one
-    before. For inertialization the joins are found in the pictures themselves.
+    heading (ticks,): of the fish, degrees; transitions: ticks whose picture does not continue the
+    one before. For inertialization the joins are found in the pictures themselves.
     """
     rules, columns = inputs.joins, _picture_columns(pictures, heading, inputs)
     pose = np.full(len(heading), None, object)
     if rules.kind == INERTIAL and len(heading):
         join = inertialize_pictures(pictures, heading, rules)
-        new = join.begins
+        transitions = join.begins
         for tick in np.flatnonzero(join.posed):
             pose[tick] = join.codes[tick]
         turned = wrap_deg(columns["rotation_deg"] + join.turn_deg)
         columns["rotation_deg"] = turned.astype(np.float32)
-    partner, weight = cross_fade_partners(pictures, new, rules.fade, inputs.next_number)
+    partner, weight = cross_fade_partners(pictures, transitions, rules.fade, inputs.next_number)
     partner_columns = _picture_columns(partner, heading, inputs)
     return {
         **columns, "partner": partner_columns.pop("source"),
@@ -217,7 +217,9 @@ def _picture_columns(
         "kind": np.where(frame, FRAME, SPRITE),
         "source": number,
         "orientation": np.where(frame, 0, sector),
-        "rotation_deg": np.where(frame, wrap_deg(pictures.rot), residual).astype(np.float32),
+        "rotation_deg": np.where(frame, wrap_deg(pictures.rotation_deg), residual).astype(
+            np.float32
+        ),
         "scale": np.where(frame, frame_scale, sprite_scale),
         "mirrored": frame & pictures.mirrored,
     }

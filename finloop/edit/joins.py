@@ -118,13 +118,12 @@ class PictureSequence:
     """Which picture is shown at each tick, and how it is turned; all (ticks,).
 
     frame: whether the picture is a frame of the film, else a sprite; number: row of the frame, or
-    number of the sprite; rot: degrees by which a frame is turned; mirrored: whether a frame is
-    mirrored.
+    number of the sprite; rotation_deg: by how much a frame is turned; mirrored: whether a frame is.
     """
 
     frame: Mask
     number: Ints
-    rot: Floats
+    rotation_deg: Floats
     mirrored: Mask
 
 
@@ -160,7 +159,7 @@ def inertialize_pictures(
     """
     bodies, frame = rules.bodies, shown.frame
     drawn = bodies.picture_bodies(
-        frame, shown.number, np.where(frame, shown.rot, line_deg), shown.mirrored
+        frame, shown.number, np.where(frame, shown.rotation_deg, line_deg), shown.mirrored
     )
     due = _due_bodies(drawn, shown, line_deg, bodies)
     joins, moves = _find_joins(drawn, due, frame, rules)
@@ -264,7 +263,7 @@ def cross_fade_partners(
     """
     ticks = len(shown.number)
     partner, weight = PictureSequence(
-        frame=np.zeros(ticks, bool), number=np.zeros(ticks, np.int64), rot=np.zeros(ticks),
+        frame=np.zeros(ticks, bool), number=np.zeros(ticks, np.int64), rotation_deg=np.zeros(ticks),
         mirrored=np.zeros(ticks, bool),
     ), np.zeros(ticks)  # fmt: skip
     for first in begins:
@@ -272,7 +271,7 @@ def cross_fade_partners(
         for tick in range(first, min(first + fade, ticks)):
             number = following(FRAME if frame else SPRITE, number)
             partner.frame[tick], partner.number[tick] = frame, number
-            partner.rot[tick] = shown.rot[first - 1]
+            partner.rotation_deg[tick] = shown.rotation_deg[first - 1]
             partner.mirrored[tick] = shown.mirrored[first - 1]
             weight[tick] = 1 - (tick - first + 1) / (fade + 1)
     return partner, weight

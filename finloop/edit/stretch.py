@@ -63,25 +63,25 @@ class Stretch:
     """What a fish does for some ticks (n,) after one decision.
 
     state: index in `STATES`; trajectory (n, 3): x, y px, heading in degrees; kind: SPRITE or FRAME;
-    number (n,): the sprites or film rows shown; rot (n,): by how much frames are turned, degrees;
-    phase (n,): place in the cycle, in frames, where a cycle of sprites is played; new: whether the
-    first picture does not follow the one before; aim: the point that the fish heads for, which
-    begins with its x, y px; area: motion area requested of the network, else NaN; touches_goal:
-    whether the last tick does; whole: whether the stretch is uncut; options: the candidates that
-    were compared, None where the stretch was planned before; past (k + n, d): states of the
-    forecast before and in the stretch, oldest first; steer (n, 2): corrections in degrees and px,
-    on a path alone.
+    number (n,): the sprites or film rows shown; rotation_deg (n,): by how much frames are turned;
+    phase (n,): place in the cycle, in frames, where a cycle of sprites is played;
+    begins_with_transition: whether the first picture does not follow the one before; aim: the point
+    that the fish heads for, which begins with its x, y px; area: motion area requested of the
+    network, else NaN; touches_goal: whether the last tick does; whole: whether the stretch is
+    uncut; options: the candidates that were compared, None where the stretch was planned before;
+    past (k + n, d): states of the forecast before and in the stretch, oldest first; steer (n, 2):
+    corrections in degrees and px, on a path alone.
     """
 
     state: int
     trajectory: Floats
     number: Ints
-    new: bool
+    begins_with_transition: bool
     aim: tuple[Any, ...]
     touches_goal: bool
     decision: Decision
     kind: str = SPRITE
-    rot: Floats | None = None
+    rotation_deg: Floats | None = None
     phase: Floats | None = None
     area: float = np.nan
     whole: bool = True
@@ -120,7 +120,7 @@ class Stretch:
         # `past` has more ticks than the others, so all lose as many at the end.
         shortened = {
             name: values[: len(values) - removed]
-            for name in ("trajectory", "number", "rot", "phase", "past", "steer")
+            for name in ("trajectory", "number", "rotation_deg", "phase", "past", "steer")
             if (values := getattr(self, name)) is not None
         }
         return replace(self, **shortened, touches_goal=False, whole=False)

@@ -231,7 +231,7 @@ class TankView:
         assert options is not None and isinstance(player, Planner)
         row, cost = int(options.rows[number]), float(options.costs[number])
         impossible, film = not math.isfinite(cost), player.world.film
-        turn_deg = float(options.rots[number])
+        turn_deg = float(options.rotations_deg[number])
         path = self._path_along_film(film, (fish.x, fish.y), row, turn_deg)
         return {
             # The mirror image of a row has the row's number plus `filmed_count`.

@@ -171,14 +171,16 @@ class Hybrid:
             gateway for gateway in self.gateways.out_of[fish.row] if gateway[0] in self._cycle_place
         )
         state, place = self._cycle_place[sprite]
-        heading = float(wrap(fish.rot - turn))  # `turn` leads from the sprite to the film's frame
+        heading = float(
+            wrap(fish.rotation_deg - turn)
+        )  # `turn` leads from the sprite to the film's frame
         x, y = self.loops.next_place(fish._replace(heading=heading, row=-1))  # straight on
         if not is_legal_point(self.network.world.tank.legal, x, y):
             x, y = fish.x, fish.y
         decision = Decision(PHASE, exit=NO_WAY, seam=seam, film_speed=fish.speed)
         return Stretch(
-            state, np.array([[x, y, heading]]), np.array([sprite]), new=True, aim=goal,
-            touches_goal=touches_target(x, y, heading, goal),
+            state, np.array([[x, y, heading]]), np.array([sprite]), begins_with_transition=True,
+            aim=goal, touches_goal=touches_target(x, y, heading, goal),
             decision=add_verdict_counts(roll_outs, decision),
             phase=np.array([place + _WITHIN_FRAME]),  # the next tick shows the next sprite
         )  # fmt: skip
@@ -206,7 +208,7 @@ class Hybrid:
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""
-        if stretch.rot is not None:
+        if stretch.rotation_deg is not None:
             return self.loops.end_state(fish, stretch)
         return self.network.end_state(fish, stretch)
 

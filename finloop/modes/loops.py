@@ -83,17 +83,19 @@ class Loops:
         """
         film = self.film
         if self.can_go_on(fish):
-            if film.jumps_keep_heading or not fish.rot:
+            if film.jumps_keep_heading or not fish.rotation_deg:
                 return fish
             row = fish.row
         else:
             row = self._most_similar_row(fish)
-        rot = float(wrap(fish.heading - film.heading[row])) if film.jumps_keep_heading else 0.0
-        heading = float(wrap(film.heading[row] + rot))
+        rotation_deg = (
+            float(wrap(fish.heading - film.heading[row])) if film.jumps_keep_heading else 0.0
+        )
+        heading = float(wrap(film.heading[row] + rotation_deg))
         speed, area = float(film.speed[row]), float(film.area[row])
         return Fish(
             fish.x, fish.y, heading, speed, state=FILM, sprite=-1, area=area, tick=fish.tick,
-            row=row, rot=rot, since=self.stay,  # so it may jump at once
+            row=row, rotation_deg=rotation_deg, since=self.stay,  # so it may jump at once
         )  # fmt: skip
 
     def can_go_on(self, fish: Fish) -> bool:
@@ -129,11 +131,11 @@ class Loops:
 
         For `stay` rows after a jump there are no jumps, unless the film ends.
         """
-        candidates = film_candidates(self.film, fish.row + 1, fish.rot)
+        candidates = film_candidates(self.film, fish.row + 1, fish.rotation_deg)
         plays_on = ~candidates.jumps
         if plays_on.any() and fish.since + 1 < self.stay:
-            rows, rots, seams, _jumps, _terms = candidates
-            return make_candidates(rows[plays_on], rots[plays_on], seams[plays_on])
+            rows, rotations_deg, seams, _jumps, _terms = candidates
+            return make_candidates(rows[plays_on], rotations_deg[plays_on], seams[plays_on])
         return candidates
 
     def roll_out(
@@ -180,12 +182,12 @@ class Loops:
         ticks: by default `RollOuts.ticks` of a legal candidate, `RollOuts.inside` of another one;
         reason: code of the decision, by default that the film plays on or jumps.
         """
-        row, rot = int(candidates.rows[taken]), float(candidates.rots[taken])
+        row, rotation_deg = int(candidates.rows[taken]), float(candidates.rotations_deg[taken])
         is_legal = roll_outs.ticks[taken] > 0
         if ticks is None:
             ticks = int(roll_outs.ticks[taken] if is_legal else roll_outs.inside[taken])
         rows = np.arange(row, row + ticks)
-        trajectory = self._film_trajectory(rows, rot, self.next_place(fish))
+        trajectory = self._film_trajectory(rows, rotation_deg, self.next_place(fish))
         plays_on = row == fish.row + 1 and fish.row >= 0
         decision = add_verdict_counts(roll_outs, Decision(
             reason or (PLAY if plays_on else JUMP),
@@ -193,22 +195,28 @@ class Loops:
             quadrant=int(roll_outs.quadrant[taken]) if is_legal else 0,
         ))  # fmt: skip
         return Stretch(
-            FILM, trajectory, rows, new=not plays_on, aim=goal,
+            FILM, trajectory, rows, begins_with_transition=not plays_on, aim=goal,
             touches_goal=bool(is_legal and roll_outs.touches_goal[taken]), decision=decision,
-            kind=FRAME, rot=np.full(ticks, rot),
+            kind=FRAME, rotation_deg=np.full(ticks, rotation_deg),
         )  # fmt: skip
 
-    def _film_trajectory(self, rows: Ints, rot: float, start_px: tuple[float, float]) -> Floats:
+    def _film_trajectory(
+        self, rows: Ints, rotation_deg: float, start_px: tuple[float, float]
+    ) -> Floats:
         """Return x, y px and heading, (t, 3), of a fish that plays successive rows (t,) of film.
 
-        rot: degrees by which they are turned; start_px: x, y at the first of them.
+        rotation_deg: degrees by which they are turned; start_px: x, y at the first of them.
         """
-        film, cos, sin = self.film, np.cos(np.radians(rot)), np.sin(np.radians(rot))
+        film, cos, sin = (
+            self.film,
+            np.cos(np.radians(rotation_deg)),
+            np.sin(np.radians(rotation_deg)),
+        )
         dx = np.append(0.0, np.cumsum(film.dx[rows[:-1]]))
         dy = np.append(0.0, np.cumsum(film.dy[rows[:-1]]))
         return np.column_stack([
             start_px[0] + dx * cos + dy * sin, start_px[1] + dy * cos - dx * sin,
-            film.heading[rows] + rot,
+            film.heading[rows] + rotation_deg,
         ])  # fmt: skip
 
     def next_place(self, fish: Fish) -> tuple[float, float]:
@@ -220,7 +228,7 @@ class Loops:
             distance = fish.speed * self.world.motion.body_length_px / self.world.motion.rate_hz
             cos, sin = np.cos(np.radians(fish.heading)), np.sin(np.radians(fish.heading))
             return fish.x + distance * float(cos), fish.y - distance * float(sin)
-        dx, dy = rotate(self.film.dx[fish.row], self.film.dy[fish.row], fish.rot)
+        dx, dy = rotate(self.film.dx[fish.row], self.film.dy[fish.row], fish.rotation_deg)
         return fish.x + float(dx), fish.y + float(dy)
 
     def swim_on_spot(
@@ -233,7 +241,7 @@ class Loops:
         after one row if there is none.
         """
         film, taken = self.film, int(rng.integers(len(candidates.rows)))
-        row, rot = int(candidates.rows[taken]), float(candidates.rots[taken])
+        row, rotation_deg = int(candidates.rows[taken]), float(candidates.rotations_deg[taken])
         ahead = slice(row, row + 4 * self.stay)  # enough rows to find such a loop end, mostly
         is_reached = np.logical_and.accumulate(film.has_next[ahead])
         ticks_to_ends = np.flatnonzero(self.ends[ahead] & is_reached) + 1
@@ -244,22 +252,25 @@ class Loops:
         rows = np.arange(row, row + ticks)
         place = np.tile([fish.x, fish.y], (ticks, 1))
         return Stretch(
-            FILM, np.column_stack([place, film.heading[rows] + rot]), rows,
-            new=row != fish.row + 1, aim=goal, touches_goal=False,
+            FILM, np.column_stack([place, film.heading[rows] + rotation_deg]), rows,
+            begins_with_transition=row != fish.row + 1, aim=goal, touches_goal=False,
             decision=add_verdict_counts(roll_outs, Decision(SPOT)), kind=FRAME,
-            rot=np.full(ticks, rot),
+            rotation_deg=np.full(ticks, rotation_deg),
         )  # fmt: skip
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch of film that began with `fish`."""
         ticks, last_row = len(stretch.trajectory), int(stretch.number[-1])
         x, y, heading = map(float, stretch.trajectory[-1])
-        assert stretch.rot is not None
-        begins_anew = stretch.new or fish.row < 0  # `since` counts the ticks from there on
+        assert stretch.rotation_deg is not None
+        begins_anew = (
+            stretch.begins_with_transition or fish.row < 0
+        )  # `since` counts the ticks from there on
         return Fish(
             x, y, float(wrap(heading)), speed=float(self.film.speed[last_row]), state=FILM,
             sprite=-1, area=float(self.film.area[last_row]), tick=fish.tick + ticks, row=last_row,
-            rot=float(stretch.rot[-1]), since=ticks - 1 if begins_anew else fish.since + ticks,
+            rotation_deg=float(stretch.rotation_deg[-1]),
+            since=ticks - 1 if begins_anew else fish.since + ticks,
         )  # fmt: skip
 
 
@@ -304,15 +315,15 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
     first_x, first_y = place_px
     goal_quadrant = quadrant_of_displacement(goal.x - first_x, first_y - goal.y)
     for k in range(count):
-        row, rot = candidates.rows[k], candidates.rots[k]
+        row, rotation_deg = candidates.rows[k], candidates.rotations_deg[k]
         x, y, shown = first_x, first_y, 0
-        first_heading = film.rows[row].heading + rot
+        first_heading = film.rows[row].heading + rotation_deg
         fewest = least_rows if candidates.jumps[k] else 1
         nearest, touches = np.inf, False
         while is_legal_point(legal, x, y):
             film_row = film.rows[row]
             shown += 1
-            touches = touches or touches_target(x, y, film_row.heading + rot, goal)
+            touches = touches or touches_target(x, y, film_row.heading + rotation_deg, goal)
             if ends[row] and (touches or shown >= fewest):
                 end_quadrant = quadrant_of_displacement(x - first_x, first_y - y)
                 distance = 0.0 if touches else np.hypot(goal.x - x, goal.y - y)
@@ -328,7 +339,7 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
                     verdict[k] = _HEADING if right_quadrant else max(verdict[k], _QUADRANT)
             if (touches and ends[row]) or not film_row.has_next:
                 break
-            dx, dy = rotate(film_row.dx, film_row.dy, rot)
+            dx, dy = rotate(film_row.dx, film_row.dy, rotation_deg)
             x, y, row = x + dx, y + dy, row + 1
     return ticks, far, touches_goal, quadrant, verdict, inside
 
@@ -342,7 +353,7 @@ def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore
     """
     ticks = np.zeros(candidates.rows.size, np.int64)
     for k in range(ticks.size):
-        row, rot = candidates.rows[k], candidates.rots[k]
+        row, rotation_deg = candidates.rows[k], candidates.rotations_deg[k]
         x, y, shown = place_px[0], place_px[1], 0
         while is_legal_point(legal, x, y):
             shown += 1
@@ -351,7 +362,7 @@ def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore
                 break
             if not film.rows[row].has_next:
                 break
-            dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rot)
+            dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rotation_deg)
             x, y, row = x + dx, y + dy, row + 1
     return ticks
 

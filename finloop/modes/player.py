@@ -126,7 +126,7 @@ class PaperPlayer:
         target = Target(float(x), float(y), world.touch_px, world.head_px, wanders)
         stretch = self.mode.next_stretch(fish, target, rng)
         if fish is not state.fish:
-            stretch = replace(stretch, new=True)
+            stretch = replace(stretch, begins_with_transition=True)
         if wanders:
             ticks = len(stretch.trajectory) * (stretch.state != TURN)  # turns do not count
             ticks_left = 0 if stretch.touches_goal else max(0, ticks_left - ticks)

@@ -140,7 +140,12 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     """
     ticks, route, steering = rows.size, objective.route, objective.steering
     trajectory, corrections, film_rows = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
-    along, rot, end, touches = along_px, 0.0, ticks, False  # rot: steered so far, degrees
+    along, rotation_deg, end, touches = (
+        along_px,
+        0.0,
+        ticks,
+        False,
+    )  # rotation_deg: steered so far, degrees
     x, y = planned[0, 0], planned[0, 1]
     for t in range(ticks):
         turn, shift_px, row = 0.0, 0.0, rows[t]
@@ -149,16 +154,20 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
         if route.x.size:
             reach = min(steering.reach, len(planned) - 1 - t)
             film_offset = rotate(
-                planned[t + reach, 0] - planned[t, 0], planned[t + reach, 1] - planned[t, 1], rot
+                planned[t + reach, 0] - planned[t, 0],
+                planned[t + reach, 1] - planned[t, 1],
+                rotation_deg,
             )
             most_deg = largest_steering_turn(speeds_bl_s[t], steering)
             place = RoutePlace(x, y, along)
             turn = steering_turn(route, place, film_offset, reach, most_deg, steering)
         dx, dy = rotate(
-            planned[t + 1, 0] - planned[t, 0], planned[t + 1, 1] - planned[t, 1], rot + turn
+            planned[t + 1, 0] - planned[t, 0],
+            planned[t + 1, 1] - planned[t, 1],
+            rotation_deg + turn,
         )
         new_x, new_y, new_along = x + dx, y + dy, along
-        heading = planned[t + 1, 2] + rot + turn
+        heading = planned[t + 1, 2] + rotation_deg + turn
         if route.x.size:
             place = RoutePlace(new_x, new_y, along)
             shift = shift_to_route(route, place, speeds_bl_s[t], tick + t + 1, 1, steering)
@@ -166,7 +175,7 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
         if not fits_in_tank(graph.bounds, row, new_x, new_y, heading):
             end = t
             break
-        x, y, along, rot = new_x, new_y, new_along, rot + turn
+        x, y, along, rotation_deg = new_x, new_y, new_along, rotation_deg + turn
         trajectory[t, 0], trajectory[t, 1], trajectory[t, 2] = x, y, heading
         corrections[t, 0], corrections[t, 1] = turn, shift_px
         if route.x.size:
@@ -192,21 +201,21 @@ def swim_film_run(  # type: ignore[no-untyped-def]
     along_px: px along the route; tick: the present one. Returns the output of `swim_trajectory`,
     and the discontinuity of the run's first row in natural steps, NaN where the film plays on.
     """
-    row, film, rot, seam = run.row, graph.film, pose[3], np.nan
+    row, film, rotation_deg, seam = run.row, graph.film, pose[3], np.nan
     first_row, next_row = film.rows[row], film.rows[shown_row + 1]
     if row != shown_row + 1:  # a jump, perhaps turned so that the heading goes on
         first, last = jump_range(film, shown_row + 1)
         seam = film.seam[first:last][film.to[first:last] == row][0]
         if film.jumps_keep_heading:
-            rot = wrap(next_row.heading + pose[3] - first_row.heading)
+            rotation_deg = wrap(next_row.heading + pose[3] - first_row.heading)
     # The step to the run's first row is that of the row on screen; then the film plays on.
     dx, dy = rotate(film.rows[shown_row].dx, film.rows[shown_row].dy, pose[3])
     first_step = np.empty((2, 3))
     first_step[0, 0], first_step[0, 1], first_step[0, 2] = pose[0], pose[1], pose[2]
     first_step[1, 0], first_step[1, 1] = pose[0] + dx, pose[1] + dy
-    first_step[1, 2] = first_row.heading + rot
+    first_step[1, 2] = first_row.heading + rotation_deg
     ticks_after = run.ticks - 1 + objective.steering.reach
-    planned = extend_trajectory_by_film(graph, first_step, row, rot, ticks_after)
+    planned = extend_trajectory_by_film(graph, first_step, row, rotation_deg, ticks_after)
     steps = len(planned) - 1
     speeds = np.empty(steps)
     speeds[0] = film.rows[shown_row].speed
@@ -223,20 +232,20 @@ def swim_film_run(  # type: ignore[no-untyped-def]
 def set_branch_rotation(branch, rotation_deg):  # type: ignore[no-untyped-def]
     """Set the rotation of a branch (dtype `BRANCH`) in degrees, with its cosine and sine."""
     angle = np.radians(rotation_deg)
-    branch.rot, branch.cos, branch.sin = rotation_deg, np.cos(angle), np.sin(angle)
+    branch.rotation_deg, branch.cos, branch.sin = rotation_deg, np.cos(angle), np.sin(angle)
 
 
 @leaf_kernel
 def turn_branch_to_row(graph, branch, row):  # type: ignore[no-untyped-def]
     """Turn a branch (dtype `BRANCH`) so that it keeps its heading when it shows `row` instead.
 
-    Its rotation (rot, and cos and sin of it) is changed, its row is not. graph: `SearchGraph`.
+    Its rotation_deg, and cos and sin of it, are changed, its row is not. graph: `SearchGraph`.
     """
     rows, preview = graph.film.rows, graph.previews[row]
     heading_cos, heading_sin = heading_vector(graph.previews[branch.row], branch)
     # The new rotation is the heading on screen less the filmed heading of the new row, which stands
     # in rows as an angle, and in previews as cosine and sine.
-    branch.rot += rows[branch.row].heading - rows[row].heading
+    branch.rotation_deg += rows[branch.row].heading - rows[row].heading
     branch.cos = heading_cos * preview.cos + heading_sin * preview.sin
     branch.sin = heading_sin * preview.cos - heading_cos * preview.sin
 
@@ -261,11 +270,13 @@ def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
         most_deg = largest_steering_turn(speed, steering)
         turn_deg = steering_turn(route, place, film_offset, preview.ticks, most_deg, steering)
         # Turning evenly, the place at the end moves as if half of the turn had been made at once.
-        dx, dy = rotate(end.x - begin.x, end.y - begin.y, branch.rot + turn_deg * ticks / 2)
+        dx, dy = rotate(
+            end.x - begin.x, end.y - begin.y, branch.rotation_deg + turn_deg * ticks / 2
+        )
     else:
         dx, dy = rotate_by_cos_sin(end.x - begin.x, end.y - begin.y, branch.cos, branch.sin)
-    x, y, rot = branch.x + dx, branch.y + dy, branch.rot + turn_deg * ticks
-    heading = end.heading + rot
+    x, y, rotation_deg = branch.x + dx, branch.y + dy, branch.rotation_deg + turn_deg * ticks
+    heading = end.heading + rotation_deg
     if route.x.size:
         place = RoutePlace(x, y, along_px)
         shift = shift_to_route(route, place, speed, end_tick, ticks, steering)
@@ -281,7 +292,7 @@ def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
         return False
     branch.x, branch.y, branch.along_px = x, y, along_px
     if route.x.size:
-        set_branch_rotation(branch, rot)
+        set_branch_rotation(branch, rotation_deg)
     branch.terms[PATH] += cost
     branch.row, branch.ticks = end_row, branch.ticks + ticks
     return True

@@ -43,13 +43,14 @@ class Fallback:
         """
         world = self._world
         rows, trajectory = _turn_in_place(
-            world.film, fish.row, fish.rot, np.array([fish.x, fish.y, fish.heading]),
+            world.film, fish.row, fish.rotation_deg, np.array([fish.x, fish.y, fish.heading]),
             target, most_ticks=world.cost_weights.stride, most_deg=world.turn_on_spot_deg,
         )  # fmt: skip
         return Stretch(
             FORECAST if fish.state == FORECAST else FILM, trajectory, rows,
-            new=int(rows[0]) != fish.row + 1, aim=target, touches_goal=False,
-            decision=Decision(SPOT), kind=FRAME, rot=trajectory[:, 2] - world.film.heading[rows],
+            begins_with_transition=int(rows[0]) != fish.row + 1, aim=target, touches_goal=False,
+            decision=Decision(SPOT), kind=FRAME,
+            rotation_deg=trajectory[:, 2] - world.film.heading[rows],
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
@@ -156,8 +157,14 @@ class Fallback:
         yield turning
         n = len(turning.trajectory)
         poses = np.tile((fish.x, fish.y, fish.heading), (n, 1))
-        rows, rots = np.full(n, fish.row), np.full(n, fish.rot)
-        yield replace(turning, trajectory=poses, number=rows, rot=rots, new=False)
+        rows, rotations_deg = np.full(n, fish.row), np.full(n, fish.rotation_deg)
+        yield replace(
+            turning,
+            trajectory=poses,
+            number=rows,
+            rotation_deg=rotations_deg,
+            begins_with_transition=False,
+        )
 
     def _add_drift(self, fish: Fish, stretch: Stretch, target: Target) -> Floats:
         """Return the trajectory (n, 3) of a stretch in place, drifting slowly to a target."""
@@ -171,23 +178,23 @@ class Fallback:
 
 @kernel
 def _turn_in_place(  # type: ignore[no-untyped-def]
-    film: MotionGraph, row: int, rot: float, pose: Floats, target: Target, most_ticks: int,
+    film: MotionGraph, row: int, rotation_deg: float, pose: Floats, target: Target, most_ticks: int,
     most_deg: float,
 ):  # fmt: skip
     """Return the rows (n,) that a fish shows in place, and its trajectory (n, 3): x, y px, heading.
 
-    row: on screen, turned by `rot` degrees; pose (3,): x, y px, heading; target: to turn to;
+    row: on screen, turned by `rotation_deg`; pose (3,): x, y px, heading; target: to turn to;
     most_ticks: largest n; most_deg: largest correction of the film's own turn in a tick.
     """
     # The first row: the film's next one if it can play on for ever, else its best jump, if any.
     first_row, last_film_row = row, len(film.rows) - 1
     if film.rows[row].has_next:
-        candidates = film_candidates(film, row + 1, rot)
+        candidates = film_candidates(film, row + 1, rotation_deg)
         if candidates.rows.size:
             first_row = candidates.rows[0]
     if film.jumps_keep_heading:
-        next_heading = film.rows[min(row + 1, last_film_row)].heading + rot
-        rot = wrap(next_heading - film.rows[first_row].heading)
+        next_heading = film.rows[min(row + 1, last_film_row)].heading + rotation_deg
+        rotation_deg = wrap(next_heading - film.rows[first_row].heading)
     ticks = 1
     while ticks < most_ticks and row_can_play_on(film.rows, min(first_row + ticks, last_film_row)):
         ticks += 1
@@ -196,7 +203,7 @@ def _turn_in_place(  # type: ignore[no-untyped-def]
     x, y, heading = pose[0], pose[1], pose[2]
     target_deg, before_deg = bearing(x, y, target.x, target.y), heading
     for k in range(ticks):
-        filmed_deg = film.rows[first_row + k].heading + rot
+        filmed_deg = film.rows[first_row + k].heading + rotation_deg
         heading += turn_towards_aim(wrap(filmed_deg - before_deg), target_deg - heading, most_deg)
         trajectory[k, 0], trajectory[k, 1], trajectory[k, 2] = x, y, heading
         before_deg = filmed_deg

@@ -1,9 +1,9 @@
 """The motion graph: film played forward along its tracks, and across at its loops (Figs. 8, 10).
 
-A fish is at a row of the feature table, drawn `rot` degrees anticlockwise of how it was filmed.
-Playing forward moves it as the fish of the film moved, turned by `rot`. At the end of a loop
-another row may be shown instead. Where pictures are compared headed right (pose BODY), the heading
-goes on across a jump, so `rot` changes; where they are compared as filmed (FILM), `rot` stays.
+A fish is at a row of the feature table, drawn `rotation_deg` anticlockwise of the film. Playing
+forward moves it as the fish of the film moved, turned by that angle. At the end of a loop another
+row may be shown instead. Where pictures are compared headed right (pose BODY), the heading goes on
+across a jump, so `rotation_deg` changes; where they are compared as filmed (FILM), it stays.
 """
 
 from typing import Any, NamedTuple
@@ -204,9 +204,9 @@ def random_fish_in_film(film: MotionGraph, tank: Tank, rng: np.random.Generator)
     """
     x, y = tank.random_point(rng)
     row = int(rng.choice(film.lasting_rows))
-    rot = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
-    heading = float(wrap(film.heading[row] + rot))
-    return Fish(x, y, heading, speed=0.0, state=FILM, sprite=-1, row=row, rot=rot)
+    rotation_deg = float(rng.uniform(-180, 180)) if film.jumps_keep_heading else 0.0
+    heading = float(wrap(film.heading[row] + rotation_deg))
+    return Fish(x, y, heading, speed=0.0, state=FILM, sprite=-1, row=row, rotation_deg=rotation_deg)
 
 
 @leaf_kernel
@@ -221,10 +221,10 @@ def drawn_rotations(film_rows: NDArray[np.void], rows: Ints, trajectory: Floats)
 
     film_rows: all rows, of dtype `ROW`; trajectory (n, 3): x, y px, heading in degrees.
     """
-    rots = np.empty(len(trajectory))
+    rotations_deg = np.empty(len(trajectory))
     for t in range(len(trajectory)):
-        rots[t] = wrap(trajectory[t, 2] - film_rows[rows[t]].heading)
-    return rots
+        rotations_deg[t] = wrap(trajectory[t, 2] - film_rows[rows[t]].heading)
+    return rotations_deg
 
 
 @kernel_part

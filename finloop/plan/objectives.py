@@ -63,7 +63,7 @@ def is_objective_done(search, branch):  # type: ignore[no-untyped-def]
     objective, rows = search.objective, search.graph.film.rows
     if objective.route.x.size:
         return is_at_path_end(objective.route, branch.along_px)
-    heading = rows[branch.row].heading + branch.rot
+    heading = rows[branch.row].heading + branch.rotation_deg
     if objective.aim.free or not touches_target(branch.x, branch.y, heading, objective.aim):
         return False
     return row_can_play_on(rows, branch.row)

@@ -20,7 +20,7 @@ from finloop.plan.search import Candidates, Outcomes
 class CandidateVerdicts:
     """Rows (k,) that could be shown next, and the verdict of a search on each.
 
-    rots: degrees by which each would be turned; seams: discontinuities in natural steps; terms (k,
+    rotations_deg: by which each would be turned; seams: discontinuities in natural steps; terms (k,
     t): seconds that the best branch from each costs, by `TERMS`, 0 where there is none; costs: the
     sum of a row's terms without the random part, infinite where there is no branch; ticks: how long
     its best branch, else its longest, stays in the tank; verdict: index in `VERDICTS`; taken: index
@@ -28,7 +28,7 @@ class CandidateVerdicts:
     """
 
     rows: Ints
-    rots: Floats
+    rotations_deg: Floats
     seams: Floats
     terms: Floats
     costs: Floats
@@ -88,8 +88,8 @@ class Plan(NamedTuple):
         candidates, outcomes = self.candidates, self.outcomes
         costs = (outcomes.costs - outcomes.terms[:, CHANCE]) / rate_hz
         return CandidateVerdicts(
-            candidates.rows, candidates.rots, candidates.seams, outcomes.terms / rate_hz, costs,
-            outcomes.ticks, outcomes.verdicts, self.taken,
+            candidates.rows, candidates.rotations_deg, candidates.seams, outcomes.terms / rate_hz,
+            costs, outcomes.ticks, outcomes.verdicts, self.taken,
         )  # fmt: skip
 
     def first_runs(self, most_ticks: int) -> tuple[Run, ...]:

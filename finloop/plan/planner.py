@@ -120,15 +120,15 @@ class Planner:
         n = min(_STARTS, len(lasting))
         sampled = np.sort(rng.choice(lasting, n, replace=False))
         x, y = map(float, point_along(route, 0.0))
-        rots = np.zeros(n)
+        rotations_deg = np.zeros(n)
         if graph.film.jumps_keep_heading:
             # Each row is turned so that the film leads along the route's first body length.
             previews = graph.previews[sampled]
             next_x, next_y = point_along(route, self.world.motion.body_length_px)
             route_rad = np.arctan2(y - next_y, next_x - x)
             film_rad = np.arctan2(-previews["dy"], previews["dx"])
-            rots = np.asarray(wrap_deg(np.degrees(route_rad - film_rad)), float)
-        candidates = make_candidates(sampled, rots, seams=np.zeros(n))
+            rotations_deg = np.asarray(wrap_deg(np.degrees(route_rad - film_rad)), float)
+        candidates = make_candidates(sampled, rotations_deg, seams=np.zeros(n))
         rest_cost = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
         nothing_shown = np.zeros((0, 3), np.int64)
         tick_before = route.begins - 1
@@ -136,9 +136,18 @@ class Planner:
         objective = path_objective(route, self.world.steering)
         plan = self._search_plan(source, candidates, start, objective)
         best = plan.taken if plan else 0  # any row, if none leads on
-        row, rot = int(sampled[best]), float(rots[best])
-        heading = float(wrap_deg(rows["heading"][row] + rot))
-        return Fish(x, y, heading, speed=0.0, state=source.state, sprite=-1, row=row, rot=rot)
+        row, rotation_deg = int(sampled[best]), float(rotations_deg[best])
+        heading = float(wrap_deg(rows["heading"][row] + rotation_deg))
+        return Fish(
+            x,
+            y,
+            heading,
+            speed=0.0,
+            state=source.state,
+            sprite=-1,
+            row=row,
+            rotation_deg=rotation_deg,
+        )
 
     @property
     def _first_source(self) -> MotionSource:
@@ -317,7 +326,9 @@ class Planner:
         least_cost = turn_cost + max(far_px, 0.0) / self._weights.fast_px
         if turn_ticks < 1 or least_cost >= cost_at_once:
             return ()
-        turned = fish._replace(heading=to_aim_deg, rot=float(wrap(fish.rot + turn_deg)))
+        turned = fish._replace(
+            heading=to_aim_deg, rotation_deg=float(wrap(fish.rotation_deg + turn_deg))
+        )
         plans = self._best_plans(turned, 0.0, objective, rng)
         if not plans or turn_cost + self._full_cost(plans[0]) >= cost_at_once:
             return ()
@@ -454,12 +465,12 @@ class Planner:
         on_path, trajectory = len(objective.route.x) > 0, passage.trajectory
         verdicts = None if plan is None else plan.verdicts(self.world.motion.rate_hz)
         stretch = Stretch(
-            source.state, trajectory, passage.rows, new=passage.jumps,
+            source.state, trajectory, passage.rows, begins_with_transition=passage.jumps,
             aim=self._point_ahead(objective, passage.along_px),
             touches_goal=passage.touches_target,
             decision=_explain_run(fish, source.state, passage, on_path, verdicts), kind=FRAME,
-            rot=drawn_rotations(self.world.film.rows, passage.rows, trajectory), past=passage.past,
-            steer=passage.corrections if on_path else None, options=verdicts,
+            rotation_deg=drawn_rotations(self.world.film.rows, passage.rows, trajectory),
+            past=passage.past, steer=passage.corrections if on_path else None, options=verdicts,
         )  # fmt: skip
         is_whole = len(trajectory) == run.ticks and not passage.touches_target
         later = tuple(later_runs) if is_whole else ()
@@ -526,8 +537,8 @@ class Planner:
     def _fish_in_film(self, fish: Fish) -> Fish:
         """Return a fish that a sprite shows as a fish in the film, at the row behind the sprite."""
         row = int(self.sprite_rows[fish.sprite])
-        rot = float(wrap(fish.heading - self.world.film.heading[row]))
-        return fish._replace(state=FILM, sprite=-1, row=row, rot=rot)
+        rotation_deg = float(wrap(fish.heading - self.world.film.heading[row]))
+        return fish._replace(state=FILM, sprite=-1, row=row, rotation_deg=rotation_deg)
 
     def _fish_after(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish as it is at the end of a stretch that began with `fish`."""
@@ -540,11 +551,11 @@ class Planner:
             fish.recent, int(stretch.number[0]), last_row, fish.tick, forget_tick
         )
         past = stretch.past  # states of the forecast, the oldest first; in `Fish` the newest first
-        assert stretch.rot is not None
+        assert stretch.rotation_deg is not None
         return Fish(
             x, y, float(wrap(heading)), speed=0.0 if stays else float(film_row["speed"]),
             state=stretch.state, sprite=-1, phase=fish.phase, area=float(film_row["area"]),
-            tick=fish.tick + ticks, row=last_row, rot=float(stretch.rot[-1]),
+            tick=fish.tick + ticks, row=last_row, rotation_deg=float(stretch.rotation_deg[-1]),
             recent=recent, past=None if past is None else np.ascontiguousarray(past[ticks:][::-1]),
             lag=world.tempo.lag_after(fish.lag, stretch.trajectory, (fish.x, fish.y)),
         )  # fmt: skip

@@ -39,15 +39,15 @@ from finloop.plan.walls import fits_in_tank
 
 BRANCH = np.dtype(
     [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cos", "f8"), ("sin", "f8"), ("along_px", "f8"),
-        ("cost", "f8"), ("terms", "f8", (len(TERMS),)),
+        ("x", "f8"), ("y", "f8"), ("rotation_deg", "f8"), ("cos", "f8"), ("sin", "f8"),
+        ("along_px", "f8"), ("cost", "f8"), ("terms", "f8", (len(TERMS),)),
         ("row", "i8"), ("candidate", "i8"), ("ticks", "i8"), ("last_run", "i8"), ("marks", "i8"),
         ("leads_on", "?"),
     ],
     align=True,
 )  # fmt: skip
-"""A branch of the search. At its end: x, y px; row, turned by rot degrees, of which cos and sin are
-the cosine and sine; along_px: px along a path. cost: in ticks, the sum of its `TERMS`; candidate:
+"""A branch of the search. At its end: x, y px; row, turned by rotation_deg, of which cos and sin
+are the cosine and sine; along_px: px along a path. cost: in ticks, the sum of its `TERMS`; candidate:
 number of the candidate it began with; ticks: its duration; last_run: number of its last run in
 `Beam.runs`; marks: of the rows it has shown, from `mark_rows`; leads_on: whether it can go on."""
 
@@ -81,13 +81,13 @@ class SearchStart(NamedTuple):
 class Candidates(NamedTuple):
     """Rows (k,) that could be shown next.
 
-    rots: degrees by which each would be turned; seams: discontinuities in natural steps (median
+    rotations_deg: by which each would be turned; seams: discontinuities in natural steps (median
     steps of the film); jumps: whether it is a jump, not the film's own next row; terms (k, t):
     ticks that showing each costs at once, by `TERMS`.
     """
 
     rows: Ints
-    rots: Floats
+    rotations_deg: Floats
     seams: Floats
     jumps: Mask
     terms: Floats
@@ -172,12 +172,12 @@ class BestBranch(NamedTuple):
     number: int
 
 
-def make_candidates(rows: Ints, rots: Floats, seams: Floats) -> Candidates:
+def make_candidates(rows: Ints, rotations_deg: Floats, seams: Floats) -> Candidates:
     """Return candidates (k,) without costs; those with a discontinuity are jumps.
 
-    rows (k,); rots (k,): degrees by which they would be turned; seams (k,): discontinuities.
+    rows (k,); rotations_deg (k,): by which they would be turned; seams (k,): discontinuities.
     """
-    return Candidates(rows, rots, seams, seams > 0, np.zeros((len(rows), len(TERMS))))
+    return Candidates(rows, rotations_deg, seams, seams > 0, np.zeros((len(rows), len(TERMS))))
 
 
 @kernel
@@ -192,7 +192,7 @@ def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candida
     first_jump, end_jump = jump_range(film, row)
     n = plays_on + end_jump - first_jump
     candidates = Candidates(
-        rows=np.empty(n, np.int64), rots=np.empty(n), seams=np.zeros(n),
+        rows=np.empty(n, np.int64), rotations_deg=np.empty(n), seams=np.zeros(n),
         jumps=np.empty(n, np.bool_), terms=np.zeros((n, len(TERMS))),
     )  # fmt: skip
     for k in range(n):
@@ -201,7 +201,7 @@ def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candida
         if candidates.jumps[k]:
             candidates.rows[k], candidates.seams[k] = film.to[jump], film.seam[jump]
         turned = next_row.heading + rotation_deg - film.rows[candidates.rows[k]].heading
-        candidates.rots[k] = wrap(turned) if film.jumps_keep_heading else rotation_deg
+        candidates.rotations_deg[k] = wrap(turned) if film.jumps_keep_heading else rotation_deg
     return candidates
 
 
@@ -286,14 +286,14 @@ def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
     for k in range(count):
         row, x, y, terms = candidates.rows[k], start.x, start.y, candidates.terms[k]
         film_row = graph.film.rows[row]
-        heading = film_row.heading + candidates.rots[k]
+        heading = film_row.heading + candidates.rotations_deg[k]
         is_free = fits_in_tank(graph.bounds, row, x, y, heading)
         is_free = is_free and is_clear_in_search(start.company, row, x, y, heading, start.tick)
         if film_row.recurrent and is_free:
             branch, run = beam.branches[branch_count], beam.runs[branch_count]
             branch.x, branch.y, branch.along_px, branch.row = x, y, start.along_px, row
             branch.candidate, branch.last_run, branch.ticks, branch.marks = k, branch_count, 0, 0
-            set_branch_rotation(branch, candidates.rots[k])
+            set_branch_rotation(branch, candidates.rotations_deg[k])
             for t in range(terms.size):
                 branch.terms[t] = terms[t]
             run.row, run.tick, run.before = row, start.tick, -1

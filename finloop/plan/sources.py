@@ -76,12 +76,12 @@ class FilmSource:
         film_row = film.rows[fish.row]
         if fish.row < 0 or not film_row["has_next"]:
             return None
-        dx, dy = rotate(film_row["dx"], film_row["dy"], fish.rot)
+        dx, dy = rotate(film_row["dx"], film_row["dy"], fish.rotation_deg)
         x, y = fish.x + dx, fish.y + dy
         start = _search_start(fish, x, y, fish.tick + 1, rest_cost, along_px)
         weights = self._world.cost_weights
         candidates = weigh_film_candidates(
-            film, fish.row + 1, fish.rot, start.recent, start.tick, weights
+            film, fish.row + 1, fish.rotation_deg, start.recent, start.tick, weights
         )
         return (candidates, start) if len(candidates.rows) else None
 
@@ -92,7 +92,7 @@ class FilmSource:
 
         along_px: px along the path at the start; target: ends the run when the fish touches it.
         """
-        pose = np.array([fish.x, fish.y, fish.heading, fish.rot])
+        pose = np.array([fish.x, fish.y, fish.heading, fish.rotation_deg])
         trajectory, corrections, along_px, touches, seam = swim_film_run(
             self.graph, pose, fish.row, run, along_px, fish.tick, objective, target
         )
@@ -166,9 +166,9 @@ class PredictionSource:
         pose = np.array([fish.x, fish.y, fish.heading])
         predicted = predicted_trajectory(states, pose, self._step_scale)
         last_row = row + len(states)
-        rot = float(predicted[-1, 2] - film.rows[last_row]["heading"])
+        rotation_deg = float(predicted[-1, 2] - film.rows[last_row]["heading"])
         planned = extend_trajectory_by_film(
-            self.graph, predicted, last_row, rot, self._world.steering_ticks
+            self.graph, predicted, last_row, rotation_deg, self._world.steering_ticks
         )
         speeds = film.speed[row : row + len(planned) - 1].copy()
         rows = row + 1 + np.arange(len(states))  # a fish that follows a row shows the next one

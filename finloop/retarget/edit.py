@@ -48,7 +48,7 @@ def shown_pose_codes(sources: RowSequence, joins: JoinRules) -> Floats:
     """
     bodies, any_heading_deg = joins.bodies, np.zeros(len(sources.row))  # codes do not depend on it
     shown = sources.to_pictures(any_heading_deg, bodies)
-    drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
+    drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rotation_deg, shown.mirrored)
     codes = bodies.codes(drawn)
     if joins.kind != INERTIAL:
         return codes
@@ -85,14 +85,14 @@ def build_edit_list(
         "time_s": np.arange(ticks) / rate_hz,
         "kind": FRAME,
         "source": sources.row,
-        "rotation_deg": shown.rot,
+        "rotation_deg": shown.rotation_deg,
         "scale": scale[sources.row],
         "mirrored": sources.mirrored,
         "x_px": pose.x_px,
         "y_px": pose.y_px,
         "partner_kind": pd.Series(FRAME, range(ticks), dtype=object).where(fades, None),
         "partner": pd.Series(partner.number).where(fades),
-        "partner_rotation_deg": np.where(fades, partner.rot, np.nan),
+        "partner_rotation_deg": np.where(fades, partner.rotation_deg, np.nan),
         "partner_scale": np.where(fades, scale[partner.number], np.nan),
         "partner_mirrored": fades & partner.mirrored,
         "weight": weight,
@@ -117,6 +117,6 @@ def _find_fades(shown: PictureSequence, jumps: Ints, joins: JoinRules) -> Ints:
     if not len(jumps):
         return jumps
     bodies = joins.bodies
-    drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
+    drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rotation_deg, shown.mirrored)
     due = bodies.next_body(drawn.select(jumps - 1))  # what would follow without the jump
     return jumps[~bodies.are_near_in_film(due, drawn.select(jumps), joins.fade)]

@@ -67,16 +67,16 @@ class SocialSteps:
         return np.stack([wall.real, wall.imag, last.real, last.imag], axis=-1)
 
     def draw_similar_steps(
-        self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
+        self, wall: Complex, last: Complex, most_steps: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
         """Return, for m fish, the film's steps that began most like theirs, in random order.
 
         Mirror images of steps count, too. The results, moves in body lengths and turns, are (m,
-        alike), complex; fewer if the film has fewer steps. wall, last (m,): the fish's vector from
-        the wall (`Walls.vectors_from_wall`) and its last step in body lengths, both relative to its
+        most_steps), complex; fewer if the film has fewer steps. wall, last (m,): the fish's vector
+        from the wall (`Walls.vectors_from_wall`) and its last step in body lengths, both relative to its
         heading: ahead is real, left is imaginary.
         """
-        count = min(alike, 2 * len(self.move))  # steps and their mirror images
+        count = min(most_steps, 2 * len(self.move))  # steps and their mirror images
         ranks = [*range(1, count + 1)]  # given as a list, even one step has an axis of its own
         _distances, nearest = self._tree.query(self._search_vectors(wall, last), k=ranks)
         chosen = rng.permuted(nearest, axis=-1)
@@ -119,13 +119,13 @@ class SocialSteps:
 class SchoolRule:
     """How fish swim in a school: by steps of the film's fish, changed by the others' pull.
 
-    horizon: ticks that a step lasts; alike: number of similar steps from which one is drawn.
+    horizon: ticks that a step lasts; similar_steps: number of them from which one is drawn.
     """
 
     zones: Zones
     steps: SocialSteps
     horizon: int
-    alike: int
+    similar_steps: int
 
 
 def require_rule(shoaling: SchoolRule | None) -> SchoolRule:
@@ -179,7 +179,7 @@ def next_place_in_school(
         return None
     steps, last = shoaling.steps, np.array([fish.last + 0j])
     moves, _ = steps.draw_similar_steps(
-        walls.vectors_from_wall(place, heading), last, shoaling.alike, rng
+        walls.vectors_from_wall(place, heading), last, shoaling.similar_steps, rng
     )
     ends = place + heading * (moves[0] + steps.move_per_pull * pulls)
     inside = walls.is_inside(ends)

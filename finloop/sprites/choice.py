@@ -257,8 +257,8 @@ def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSetting
     """Return the candidates for a glide: straight swimming with a still tail.
 
     The columns are those of `_candidate_table`. Runs shorter than `slide_least` are included only
-    if there are no longer ones, and those whose tail moves more than `still` only if no tail is
-    still.
+    if there are no longer ones, and those whose tail moves more than `tail_motion_bl` only if no
+    tail is still.
     """
     least = max(3, round(settings.slide_least * delta_frames))
     most = max(3, round(settings.slide_most * delta_frames))
@@ -268,8 +268,8 @@ def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSetting
         for runs in _find_straight_runs(table, shortest, most):
             tail, speed = runs.values("tail"), runs.values("speed").mean(1)
             faults = {
-                "tail moves": np.ptp(tail, axis=1) / settings.still,
-                "tail aside": np.abs(tail.mean(1)) / settings.still,
+                "tail moves": np.ptp(tail, axis=1) / settings.tail_motion_bl,
+                "tail aside": np.abs(tail.mean(1)) / settings.tail_motion_bl,
                 "untypical speed": np.abs(np.log2(np.maximum(speed, 1e-6) / typical_speed)) / 2,
                 "short": least / runs.frames,
             }
@@ -427,7 +427,7 @@ def _find_turn_span(
     first = _find_straightest_row(bend, peak_row, 0, settings)
     last = _find_straightest_row(bend, peak_row, len(bend) - 1, settings)
     earlier = first - 1  # the head has begun to turn by the first frame that is bent at all
-    if earlier >= 0 and abs(bend[earlier]) < settings.bent * bend[peak_row]:
+    if earlier >= 0 and abs(bend[earlier]) < settings.extra_bend * bend[peak_row]:
         first = earlier
     inside = slice(first, last + 1)
     strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak_row]) + first
@@ -470,10 +470,10 @@ def _measure_turn(
         "start": first,
         "length": n,
         "weaker": (1 - bend[peak_row] / strongest_bend) / settings.weaker,
-        "bent at the ends": end_bends.sum() / bend[peak_row] / (2 * settings.bent),
+        "bent at the ends": end_bends.sum() / bend[peak_row] / (2 * settings.extra_bend),
         "turns back": -np.minimum(step, 0).sum() / settings.drift_deg,
         "goes on": abs(heading[-1] - heading[-2]) / settings.drift_deg,
-        "bends twice": second_bend / bend[peak_row] / settings.bent,
+        "bends twice": second_bend / bend[peak_row] / settings.extra_bend,
         "jumps": step.max() / settings.jump_deg,
         "flicker": settings.flicker_frames / n,
         "area changes": np.abs(np.diff(area)).max() / area.mean() / settings.area_change,
@@ -496,7 +496,7 @@ def _find_straightest_row(
         row += direction
         if abs(bend[row]) < abs(bend[straightest]):
             straightest = row
-        elif bend[row] < 0 or bend[row] > bend[straightest] + settings.bent * bend[peak_row]:
+        elif bend[row] < 0 or bend[row] > bend[straightest] + settings.extra_bend * bend[peak_row]:
             break
     return straightest
 
@@ -625,8 +625,8 @@ def best_runs_of_tracks(
         heading = cycle_headings(table, start, n) if is_cycle else table["heading"].to_numpy()[rows]
         pictures = draw_pictures(rows, heading)
         picture_faults = {"does not close": measure_loop_closure(pictures)} if is_cycle else {}
-        softness = 1 - float(np.median(measure_sharpness(pictures))) / typical_sharpness
-        picture_faults["soft"] = max(0.0, softness) / settings.soft
+        blur = 1 - float(np.median(measure_sharpness(pictures))) / typical_sharpness
+        picture_faults["blurred"] = max(0.0, blur) / settings.blur
         track = int(table["track_id"].iat[start])
         run = FrameRun(
             track,

@@ -56,12 +56,12 @@ class SpritesSettings:
     size_off: ClassVar[float] = 0.1  # of the film's median length: an animal of another size
     flicker_frames: ClassVar[float] = 10.0  # frames; with 4 one sees the extremes, nothing between
     lopsided: ClassVar[float] = 0.25  # of the tail's range: its mean, off the axis
-    still: ClassVar[float] = 0.05  # body lengths: range of a still tail; about its width
+    tail_motion_bl: ClassVar[float] = 0.05  # body lengths: range of a still tail; about its width
     weaker: ClassVar[float] = 0.1  # of the strongest turn's bend: what a turn lacks of it
     # of the largest bend: the bend at a turn's ends, and bends besides the largest
-    bent: ClassVar[float] = 0.25
+    extra_bend: ClassVar[float] = 0.25
     jump_deg: ClassVar[float] = 25.0  # degrees between two frames of a turn; more looks like a jump
-    soft: ClassVar[float] = 0.25  # of the film's median sharpness: what the pictures lack of it
+    blur: ClassVar[float] = 0.25  # of the film's median sharpness: what the pictures lack of it
 
     # The choice.
     candidates: ClassVar[int] = 120  # of a sequence, compared as pictures: the best without them
