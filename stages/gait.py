@@ -16,7 +16,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread_rows
 from finloop.drawn.dog.draw import dog_frames, limb_masks
 from finloop.drawn.dog.walk import DogFilm, foot_gammas, frame_phases, true_limb_contours
-from finloop.gait.compare import CLOCKS, ClockComparison, compare_clocks
+from finloop.gait.compare import CLOCKS, ClockComparison, compare_clocks, describe_doubtful_fit
 from finloop.gait.cycles import swimmer_gait_contours, walker_gait_contours
 from finloop.gait.fit import (
     GaitContours,
@@ -101,6 +101,8 @@ def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sour
     """
     settings: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare_clocks(film, **settings)
+    if doubt := describe_doubtful_fit(film, errors.rms[p.gamma]):
+        print(f"gait: {name}: {doubt}")
     frequency_hz = float(beat.frequency_hz)
     gait, keys = fit_gait(film, name, frequency_hz, **settings, sharing=p.gamma)
     confidence = None if np.isnan(beat.confidence) else beat.confidence

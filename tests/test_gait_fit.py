@@ -7,7 +7,11 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, frame_phases, true_limb_contours
-from finloop.gait.compare import choose_held_out_frames, compare_clocks
+from finloop.gait.compare import (
+    choose_held_out_frames,
+    compare_clocks,
+    describe_doubtful_fit,
+)
 from finloop.gait.cycles import align_phase, align_phase_without_symmetry, foot_positions
 from finloop.gait.fit import (
     GaitContours,
@@ -485,3 +489,16 @@ def test_feet_tell_where_the_keys_are(late):
     known = align_phase(true + late, foot_positions(limbs), 0.25, stretches=False)
     np.testing.assert_allclose(known - true, np.full(len(true), known[0] - true[0]))
     assert known[0] == pytest.approx(true[0], abs=1e-3)
+
+
+def test_a_fit_that_explains_little_of_the_motion_is_said():
+    walk = _film(np.arange(48) / 16)
+    # Left limbs half a cycle early: left and right move together.
+    bound = replace(walk, contours={
+        name: np.roll(points, 8, axis=0) if "left" in name else points
+        for name, points in walk.contours.items()
+    })  # fmt: skip
+    for film, words in ((walk, ""), (bound, "gait.symmetry=none")):
+        rms = compare_clocks(film, wavelet="db4").rms["limb"]
+        assert words in describe_doubtful_fit(film, rms)
+        assert bool(words) == bool(describe_doubtful_fit(film, rms))

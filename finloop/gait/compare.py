@@ -52,6 +52,24 @@ class ClockComparison:
     not_monotone: pd.DataFrame  # see `find_turning_coordinates`
 
 
+def describe_doubtful_fit(film: GaitContours, rms: float) -> str:
+    """Return a sentence if a fit explains less than half of the motion, as a variance, else "".
+
+    rms: error of the fit on held-out frames, body lengths.
+    """
+    moves = [points - np.nanmean(points, axis=0) for points in film.contours.values()]
+    distances = np.concatenate([np.hypot(*move.reshape(-1, 2).T) for move in moves])
+    motion = float(np.sqrt(np.nanmean(distances**2))) / film.body_length
+    if rms**2 < motion**2 / 2:
+        return ""
+    cure = "; if left and right do not repeat each other, as in a gallop, set gait.symmetry=none"
+    return (
+        f"frames left out of the fit are {100 * rms:.3g} % of the body length off, and contours move "
+        f"by {100 * motion:.3g} %: the fit explains less than half of the motion"
+        + (cure if film.symmetry == "swap" else "")
+    )
+
+
 def choose_held_out_frames(film: GaitContours) -> list[Mask]:
     """Return a mask (frames,) for each fit: which frames of a film are held out of it.
 

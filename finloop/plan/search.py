@@ -47,9 +47,10 @@ BRANCH = np.dtype(
     align=True,
 )  # fmt: skip
 """A branch of the search. At its end: x, y px; row, turned by rotation_deg, of which cos and sin
-are the cosine and sine; along_px: px along a path. cost: in ticks, the sum of its `TERMS`; candidate:
-number of the candidate it began with; ticks: its duration; last_run: number of its last run in
-`Beam.runs`; marks: of the rows it has shown, from `mark_rows`; leads_on: whether it can go on."""
+are the cosine and sine; along_px: px along a path. cost: in ticks, the sum of its `TERMS`;
+candidate: number of the candidate it began with; ticks: its duration; last_run: number of its last
+run in `Beam.runs`; marks: of the rows it has shown, from `mark_rows`; leads_on: whether it can go
+on."""
 
 RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 """A run of film that a branch shows: its first row, the tick at which that is shown, and the number
