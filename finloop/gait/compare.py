@@ -64,8 +64,8 @@ def describe_doubtful_fit(film: GaitContours, rms: float) -> str:
         return ""
     cure = "; if left and right do not repeat each other, as in a gallop, set gait.symmetry=none"
     return (
-        f"frames left out of the fit are {100 * rms:.3g} % of the body length off, and contours move "
-        f"by {100 * motion:.3g} %: the fit explains less than half of the motion"
+        f"frames left out of the fit are {100 * rms:.3g} % of the body length off, and contours "
+        f"move by {100 * motion:.3g} %: the fit explains less than half of the motion"
         + (cure if film.symmetry == "swap" else "")
     )
 

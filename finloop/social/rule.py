@@ -73,8 +73,8 @@ class SocialSteps:
 
         Mirror images of steps count, too. The results, moves in body lengths and turns, are (m,
         most_steps), complex; fewer if the film has fewer steps. wall, last (m,): the fish's vector
-        from the wall (`Walls.vectors_from_wall`) and its last step in body lengths, both relative to
-        its heading: ahead is real, left is imaginary.
+        from the wall (`Walls.vectors_from_wall`) and its last step in body lengths, both relative
+        to its heading: ahead is real, left is imaginary.
         """
         count = min(most_steps, 2 * len(self.move))  # steps and their mirror images
         ranks = [*range(1, count + 1)]  # given as a list, even one step has an axis of its own
