@@ -430,7 +430,9 @@ def test_a_shape_that_nothing_paints_is_a_black_line():
 # --- endings, whole or not at all
 
 
-@pytest.mark.parametrize("name", ["out.gif", "out", ".svg", "out.svg.txt", "out.lottie"])
+@pytest.mark.parametrize(
+    "name", ["out.gif", "out", ".svg", ".spine.json", "out.svg.txt", "out.lottie"]
+)
 def test_an_unknown_ending_is_named(tmp_path, name):
     with pytest.raises(FinloopError, match=re.escape(name)) as error:
         save_animation(tmp_path / name, a_morph(), RATE)

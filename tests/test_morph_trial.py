@@ -169,6 +169,14 @@ def test_a_page_says_that_it_pairs_one_shape_with_one(tmp_path, capsys):
         assert not seen.bad
 
 
+@pytest.mark.parametrize("option", [["--force", "gravity=1"], ["--method", "linear"], ["--back"]])
+def test_an_option_that_a_page_has_no_use_for_is_refused(tmp_path, drawings, option, capsys):
+    page = tmp_path / "try.html"
+    assert main([*map(str, drawings), "-o", str(page), *option])
+    assert f"a trial page (.html) with {option[0]}" in capsys.readouterr().err
+    assert not page.exists()
+
+
 def test_a_page_without_a_browser_holds_text_of_the_drawings_safely(tmp_path):
     evil = save_svg(tmp_path / "<script>x.svg", '<path id="&lt;/script&gt;" d="M9 9h20v20z"/>')
     page = write_page(tmp_path, [evil, evil]).read_text(encoding="utf-8")

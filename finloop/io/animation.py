@@ -65,7 +65,9 @@ def find_morph_writer(path: Path) -> "Writer":
     """
     name = path.name.lower()
     for ending, write in ENDINGS.items():
-        if name.endswith(ending) and name != ending:
+        if name == ending:
+            break
+        if name.endswith(ending):
             return write
     raise FinloopError(
         f"{path} has the ending {path.suffix or 'of no format'!r}",

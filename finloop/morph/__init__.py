@@ -2,7 +2,7 @@
 
 Corresponding points (`match`), a morph without folds (`simple`), frames as rigid as possible
 (`relax`), counting and excluding folds (`folds`), whole drawings and the paper's methods
-(`layers`), drawings that forces move (`in_forces`), a page to try morphs (`trial`). `tool` is the
+(`layers`), drawings that forces move (`in_forces`), a trial page (`trial`). `tool` is the
 command line.
 """
 

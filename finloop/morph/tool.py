@@ -2,8 +2,8 @@
 
 Shapes of the same id form a pair; others are paired by place and shape, or by a file. With --force
 one drawing is enough: it moves by gravity, wind, attraction, on a floor. The ending of the output
-selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json. .html is a page to try
-pairs, methods and weights.
+selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json. .html is a trial page
+for pairs, methods and weights.
 """
 
 import argparse
@@ -98,15 +98,16 @@ def _curve_options(options: argparse.Namespace) -> tuple[Resolution, PhysicalOpt
 
 
 def _write_trial_page(options: argparse.Namespace, frames: int, points: int) -> str:
-    """Write the page to try the morph that the command line's options describe, and summarise.
+    """Write the trial page of the morph that the command line's options describe, and summarise.
 
-    FinloopError with a force, or without a second drawing.
+    FinloopError without a second drawing, or with an option that a page has no use for.
     """
-    if options.force or options.b is None:
+    unused = [f"--{name}" for name in ("force", "method", "back") if getattr(options, name)]
+    if unused or options.b is None:
         raise FinloopError(
-            f"a page ({PAGE}) of {'forces' if options.force else 'one drawing'}",
-            "two drawings and no force: the page is to try how they are paired",
-            "give a second drawing and no --force, or another ending of the output",
+            f"a trial page ({PAGE}) with {', '.join(unused) or 'one drawing'}",
+            "two drawings alone: the page shows all methods, and pairs to choose from",
+            "give two drawings without these options, or another ending of the output",
         )
     content, summary = trial.build_trial_page(
         load_svg(options.a),
@@ -145,7 +146,7 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
         "--output",
         type=Path,
         required=True,
-        help=f"output file: {', '.join(ENDINGS)}, or {PAGE}: a page to try it",
+        help=f"output file: {', '.join(ENDINGS)}, or {PAGE}: a trial page",
     )
     parser.add_argument("--pairs", type=Path, help=f"YAML: {FORM}")
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""A page to try a morph: which shapes become each other, by which method, with which weights.
+"""The trial page of a morph: which shapes become each other, by which method, with which weights.
 
 One HTML file without a server. The frames of all pairs that it can show are computed here; the page
 plays them, and writes the file of pairs and the command for what the user has chosen.
@@ -45,7 +45,7 @@ class TrialOptions(NamedTuple):
 def build_trial_page(
     a: Drawing, b: Drawing, given: Pairing | None, names: tuple[str, str], options: TrialOptions
 ) -> tuple[str, str]:
-    """Return the HTML of a page to try the morphs of two drawings, and a summary in words.
+    """Return the HTML of the trial page of two drawings, and a summary in words.
 
     given: pairs that go before the tool's own; names: of the drawings' files, as a shell takes
     them. The page pairs one shape with one: both say what it leaves out. FinloopError if a shape

@@ -178,7 +178,7 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
     notes = []
     if others := sorted(file.name for file in set(files) - set(pictures)):
         listed = ", ".join(others[:5]) + (", …" if len(others) > 5 else "")
-        notes.append(f"{len(others)} pictures are not named {pattern} and left out: {listed}")
+        notes.append(f"left out of {len(files)} pictures, as not named {pattern}: {listed}")
     frame_numbers = _find_frame_numbers(folder, pictures)
     if gaps := int(frame_numbers[-1]) + 1 - len(frame_numbers):
         before_gap = pictures[int(np.diff(frame_numbers).argmax())].name
