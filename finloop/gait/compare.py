@@ -57,9 +57,10 @@ def describe_doubtful_fit(film: GaitContours, rms: float) -> str:
 
     rms: error of the fit on held-out frames, body lengths.
     """
-    moves = [points - np.nanmean(points, axis=0) for points in film.contours.values()]
-    distances = np.concatenate([np.hypot(*move.reshape(-1, 2).T) for move in moves])
-    motion = float(np.sqrt(np.nanmean(distances**2))) / film.body_length
+    shown = [points[np.isfinite(points).all(axis=(1, 2))] for points in film.contours.values()]
+    moves = [(points - points.mean(axis=0)).reshape(-1, 2) for points in shown if len(points)]
+    distances = np.hypot(*np.concatenate(moves).T)
+    motion = float(np.sqrt((distances**2).mean())) / film.body_length
     if rms**2 < motion**2 / 2:
         return ""
     cure = "; if left and right do not repeat each other, as in a gallop, set gait.symmetry=none"
