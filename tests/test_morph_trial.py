@@ -26,7 +26,7 @@ SECOND = (
 USUAL = PhysicalOptions()
 
 
-def numbers(d):
+def path_points(d):
     return np.array(re.findall(r"[-\d.]+", d), float).reshape(-1, 2)
 
 
@@ -70,7 +70,9 @@ def test_the_page_shows_what_the_tool_computes_and_says_how_to_make_it(tmp_path,
             found = []
             for share in np.linspace(0, 1, 5):
                 scrub(share)
-                found.append(numbers(shown.locator("#morph path").nth(number).get_attribute("d")))
+                found.append(
+                    path_points(shown.locator("#morph path").nth(number).get_attribute("d"))
+                )
             return np.stack(found)
 
         def compute(pairing, method, physics=USUAL):

@@ -71,6 +71,11 @@ _LAB = np.array([
 ])  # fmt: skip
 
 
+def format_colour(colour: Colour) -> str:
+    """Return a colour as #rrggbb."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
 def colour_to_oklab(colour: Colour) -> Points:
     """Return an sRGB colour as Oklab (3,): lightness 0 … 1, green to red, blue to yellow."""
     srgb = np.asarray(colour, np.float64) / 255

@@ -5,7 +5,6 @@ morph's numbers digit for digit, so the frames have exactly the counted folds.
 """
 
 import io
-import json
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from math import ceil
@@ -22,9 +21,18 @@ from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
 from finloop.base.paint import Shape, group_contours, paint_layers, painted_frames
 from finloop.base.parallel import Threads, ordered_map
-from finloop.base.style import Colour, Fill, Gradient, Paint, align_dashes, scale_paint
+from finloop.base.style import (
+    Colour,
+    Fill,
+    Gradient,
+    Paint,
+    align_dashes,
+    format_colour,
+    scale_paint,
+)
 from finloop.io.atomic import save_bytes
 from finloop.io.movie import Mp4Writer
+from finloop.io.record import save_json
 from finloop.io.spine import save_spine
 from finloop.io.video import THREADS
 
@@ -82,18 +90,12 @@ def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: 
     The content is `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`; tau is the share of the
     morph, 0 … 1. frame_rate and longer_side_px are not used: JSON has neither.
     """
-    _save_json(path, {"frames": [
+    save_json(path, {"frames": [
         {"tau": float(tau), "layers": {
             name: points[frame].tolist() for name, points in morph.layers.items()
         }}
         for frame, tau in enumerate(morph.tau)
-    ]})  # fmt: skip
-
-
-def _save_json(path: Path, content: Json) -> None:
-    """Write plain values (dictionaries, lists, numbers, text) to a file as compact JSON."""
-    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
-    save_bytes(path, f"{text}\n".encode())
+    ]}, indent=None)  # fmt: skip
 
 
 # --- animated SVG (SMIL): it plays by itself in every browser, without a script
@@ -236,7 +238,7 @@ def _svg_paint(paints: list[Paint], clock: _SvgClock, name: str) -> tuple[str, s
 
 def _svg_colour(colour: Colour | None) -> str:
     """Return a colour as #rrggbb, or "none"."""
-    return "none" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)
+    return "none" if colour is None else format_colour(colour)
 
 
 def _svg_gradient(gradients: list[Gradient], clock: _SvgClock, name: str) -> str:
@@ -284,11 +286,11 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px:
         _lottie_layer(morph, frames, k) for k, frames in enumerate(painted_frames(morph)[::-1], 1)
     ]
     # fr: frames per second; ip, op: first frame, and the one after the last; ddd: three dimensions.
-    _save_json(path, {
+    save_json(path, {
         "v": "5.7.0", "fr": float(frame_rate), "ip": 0, "op": len(morph.tau),
         "w": ceil(morph.width), "h": ceil(morph.height), "nm": "morph", "ddd": 0, "assets": [],
         "layers": layers,
-    })  # fmt: skip
+    }, indent=None)  # fmt: skip
     return _lottie_losses(morph)
 
 

@@ -1,4 +1,4 @@
-"""Small JSON files: facts, goals, models, gaits. Their packages define what the keys mean."""
+"""JSON files: facts, goals, models, gaits. Their packages define what the keys mean."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -13,9 +13,13 @@ T = TypeVar("T")
 MOST_BYTES = 100_000_000
 
 
-def save_json(path: Path, content: Any, indent: int = 2) -> None:
-    """Write plain values (dictionaries, lists, numbers, text) as JSON, completely or not at all."""
-    text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
+def save_json(path: Path, content: Any, indent: int | None = 2) -> None:
+    """Write plain values (dictionaries, lists, numbers, text) as JSON, completely or not at all.
+
+    indent: spaces of a level; None: all in one line, without spaces.
+    """
+    marks = (",", ":") if indent is None else None
+    text = json.dumps(content, indent=indent, separators=marks, ensure_ascii=False, allow_nan=False)
     save_bytes(path, f"{text}\n".encode())
 
 

@@ -6,7 +6,6 @@ body, also turned and scaled, hangs on a bone of its own. All else has a deform 
 https://esotericsoftware.com/spine-json-format. Spine's y points up; frame k is at k / rate seconds.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -23,6 +22,7 @@ from finloop.base.paint import Shape, painted_frames
 from finloop.base.style import Gradient, colours_at, gradient_offsets
 from finloop.base.triangles import double_areas, triangulate
 from finloop.io.atomic import save_bytes
+from finloop.io.record import save_json
 
 VERSION = "4.2.43"
 PICTURE, SIDE_PX = "finloop-white", 16  # the white picture that all meshes show, and its side
@@ -112,8 +112,7 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     atlas = [f"{PICTURE}.png", f"size:{SIDE_PX},{SIDE_PX}", "filter:Linear,Linear",
              PICTURE, f"bounds:0,0,{SIDE_PX},{SIDE_PX}", ""]  # fmt: skip
     save_bytes(path.with_suffix(".atlas"), "\n".join(atlas).encode())
-    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
-    save_bytes(path, f"{text}\n".encode())
+    save_json(path, content, indent=None)
     return "; ".join(notes)
 
 

@@ -6,13 +6,13 @@ A shape that a force names is the scene: it stands still.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from fractions import Fraction
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from skimage.measure import points_in_poly
 
 from finloop.base.arrays import Floats, Points
 from finloop.base.drawing import Curve, Drawing, Morph
@@ -198,13 +198,7 @@ def _find_scene(drawing: Drawing, forces: Sequence[Force]) -> dict[str, list[Cur
 
 def _named_shape(force: Force) -> str | None:
     """Return the id of the shape that a force names, None if it names none."""
-    value: object = None
-    if isinstance(force, AttractionForce):
-        value = force.to
-    elif isinstance(force, FloorForce):
-        value = force.y
-    elif isinstance(force, HoldForce):
-        value = force.by
+    value = getattr(force, fields(force)[0].name)  # what or where comes first
     return value if isinstance(value, str) else None
 
 
@@ -322,8 +316,5 @@ def _touches(points: Points, contours: Sequence[Curve], reach: float) -> Bools:
     for curve in contours:
         near |= np.hypot(*nearest_on_curve(points, curve)[1].T) <= reach
         if curve.closed:
-            polygon = curve.points.astype(np.float32)
-            near |= np.array([
-                cv2.pointPolygonTest(polygon, (float(x), float(y)), False) >= 0 for x, y in points
-            ])  # fmt: skip
+            near |= points_in_poly(points, curve.points)
     return near

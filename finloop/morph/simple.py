@@ -34,7 +34,7 @@ import scipy
 from finloop.base.arrays import Floats, Ints, Points
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
-from finloop.curve.contour import Curve, area_centroids, signed_area
+from finloop.curve.contour import Curve, area_centroids, next_corners, signed_area
 from finloop.morph.folds import (
     ContourLayout,
     contours_stay_simple,
@@ -438,7 +438,7 @@ def round_off_contours(points: Points, layout: ContourLayout) -> tuple[Points, b
 
 def _edge_lengths(points: Points) -> Floats:
     """Return the lengths (n,) of the edges of a closed polygon (n, 2)."""
-    return np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+    return np.hypot(*(next_corners(points) - points).T)
 
 
 def _are_small_and_round(pose: Points, holes: Sequence[slice], least: Floats) -> bool:
@@ -463,7 +463,7 @@ def _implicit_step(points: Points, step: float) -> Points:
     # v = (1, 0 … 0, ratio).
     corner = -(1 + 2 * q[0])
     ratio = -q[0] / corner
-    bands = np.stack([np.roll(-q, 1), 1 + 2 * q, np.roll(-q, -1)])
+    bands = np.stack([np.roll(-q, 1), 1 + 2 * q, next_corners(-q)])
     bands[1, 0] -= corner
     bands[1, -1] += q[-1] * ratio
     column = np.zeros(len(q))

@@ -19,7 +19,7 @@ import numpy as np
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
 from finloop.base.paint import painted_frames, shape_of
-from finloop.base.style import Colour, Fill, Gradient, Paint
+from finloop.base.style import Fill, Gradient, Paint, format_colour
 from finloop.morph.layers import PhysicalOptions, fit_drawing, morph_drawings
 from finloop.morph.match import Resolution
 from finloop.morph.pairs import Pairing, pair_drawings, pair_shapes, shape_contours
@@ -251,7 +251,7 @@ def _fill_values(fill: Fill) -> str | Json:
     if fill is None:
         return "none"
     if not isinstance(fill, Gradient):
-        return _hex(fill)
+        return format_colour(fill)
     place: Mapping[str, Any] = {"x1": 0, "y1": 0, "x2": 1, "y2": 0}
     if fill.kind == "radial":
         place = {"cx": 0, "cy": 0, "r": 1, "fx": fill.focus[0], "fy": fill.focus[1]}
@@ -260,12 +260,7 @@ def _fill_values(fill: Fill) -> str | Json:
         "kind": f"{fill.kind}Gradient",
         "place": {**place, "gradientTransform": f"matrix({matrix})", "spreadMethod": fill.spread},
         "stops": [
-            [round(stop.offset, 4), _hex(stop.colour), round(stop.opacity, 4)]
+            [round(stop.offset, 4), format_colour(stop.colour), round(stop.opacity, 4)]
             for stop in fill.stops
         ],
     }
-
-
-def _hex(colour: Colour) -> str:
-    """Return a colour as #rrggbb."""
-    return "#{:02x}{:02x}{:02x}".format(*colour)
