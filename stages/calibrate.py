@@ -20,7 +20,7 @@ from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json
-from finloop.io.several import load_readable_parts
+from finloop.io.several import load_readable_films
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
 from finloop.social.measures import SCHOOL, compare_groups
@@ -36,7 +36,7 @@ def rows_of_first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
 
     clip: folder of the clip. It knows the walls of the first film alone.
     """
-    parts = load_readable_parts(clip)
+    parts = load_readable_films(clip)
     return features[features["frame"] < parts[0].stop] if parts else features
 
 

@@ -19,7 +19,7 @@ from finloop.clip.write import ClipSource, open_clip_source
 from finloop.io.atomic import whole_folder
 from finloop.io.footage import list_films, read_file_stamps, refuse_changed_film, unique_film_names
 from finloop.io.pieces import remove_folders_except
-from finloop.io.several import FILMS, FilmPart, join_clips, list_film_folders
+from finloop.io.several import FILMS, JoinedFilm, join_clips, list_film_folders
 from finloop.io.video import CLIP_NAME, VideoFacts, read_chosen_frames
 from stages.reuse import code_digest, key_digest, reuse_or_make
 from stages.settings import load_settings
@@ -132,7 +132,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
     Return all metrics; those of one film begin with its name. A clip that an earlier run made of
     the same film is reused. A film that cannot be read is left out, with a warning.
     """
-    code, parts, digests = code_digest("clip"), list[FilmPart](), list[str]()
+    code, parts, digests = code_digest("clip"), list[JoinedFilm](), list[str]()
     numbers: dict[str, float] = {}
     named_films = list(zip(unique_film_names(p.film for p in films), films, strict=True))
 
@@ -154,7 +154,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
             except FinloopError as error:
                 print(f"finloop: WARNING: {name} is left out: {error}", file=sys.stderr)
                 why_left_out = error.came
-            parts.append(FilmPart(name, str(path), error=why_left_out))
+            parts.append(JoinedFilm(name, str(path), error=why_left_out))
             advance()
     remove_folders_except(KEPT, digests)
     joined_facts = join_clips(folder, parts)

@@ -25,8 +25,8 @@ from finloop.extract.verdict import list_findings
 from finloop.extract.write import Extraction, describe_lost_frames, extract_tracks
 from finloop.io.atomic import whole_folder
 from finloop.io.footage import read_file_stamps
-from finloop.io.pieces import Pieces, remove_folders_except
-from finloop.io.several import FILMS, FilmPart, load_parts, load_readable_parts
+from finloop.io.pieces import Checkpoints, remove_folders_except
+from finloop.io.several import FILMS, JoinedFilm, load_joined_films, load_readable_films
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from stages.cluster import open_workers
@@ -56,10 +56,10 @@ def main() -> None:
     """
     settings: ExtractSettings = load_settings("extract")
     with open_workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
-        if load_readable_parts(CLIP):  # several films
+        if load_readable_films(CLIP):  # several films
             numbers, films = _extract_films(CLIP, settings, pool, folder)
         else:  # one film: keep results until it is done, for a run that continues after a stop
-            pieces = Pieces(PIECES / key_digest(_track_inputs(CLIP, settings)))
+            pieces = Checkpoints(PIECES / key_digest(_track_inputs(CLIP, settings)))
             remove_folders_except(PIECES, [pieces.folder.name])
             remove_folders_except(KEPT, [])
             numbers = _extract_film(CLIP, settings, pool, pieces, folder)
@@ -70,7 +70,7 @@ def main() -> None:
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(EXTRACT / "films.csv", pd.DataFrame(films), decimals=3)
     used_films = [film["film"] for film in films if not film["left_out_because"]]
-    names = used_films if load_readable_parts(CLIP) else [""]
+    names = used_films if load_readable_films(CLIP) else [""]
     report_findings(EXTRACT, _film_findings(numbers, names))
 
 
@@ -104,7 +104,7 @@ def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
 
 
 def _extract_film(
-    clip: Path, settings: ExtractSettings, pool: Workers, pieces: Pieces, folder: Path
+    clip: Path, settings: ExtractSettings, pool: Workers, pieces: Checkpoints, folder: Path
 ) -> dict[str, float]:
     """Write the tracks and cut-outs of one clip to `folder`; return its metrics by name.
 
@@ -157,7 +157,7 @@ def _extract_films(
     clip: folder of the clips. Return metrics, and a row of films.csv for each film. A film that
     cannot be used is left out, with a warning. What an earlier run made of a film is reused.
     """
-    numbers, parts = dict[str, float](), load_parts(clip)
+    numbers, parts = dict[str, float](), load_joined_films(clip)
     errors = {part.name: part.error for part in parts if part.error}
     jobs = []  # film, its settings, digest of what its tracks are made from
     for part in parts:
@@ -170,7 +170,7 @@ def _extract_films(
     digests = [digest for _, _, digest in jobs]
     remove_folders_except(PIECES, digests)
     for part, film_settings, digest in jobs:
-        film_folder, pieces = Path(FILMS) / part.name, Pieces(PIECES / digest)
+        film_folder, pieces = Path(FILMS) / part.name, Checkpoints(PIECES / digest)
         print(f"finloop: {part.name}", file=sys.stderr)
         with _leave_out_on_error(part, errors):
             make = partial(_extract_film, clip / film_folder, film_settings, pool, pieces)
@@ -188,7 +188,7 @@ def _extract_films(
     ]
 
 
-def _settings_of_film(part: FilmPart, settings: ExtractSettings) -> ExtractSettings:
+def _settings_of_film(part: JoinedFilm, settings: ExtractSettings) -> ExtractSettings:
     """Return the settings for one film, with its own file of tracks instead of the pattern for all.
 
     A note that says which file is used is printed. Without a pattern the settings are unchanged.
@@ -201,7 +201,7 @@ def _settings_of_film(part: FilmPart, settings: ExtractSettings) -> ExtractSetti
 
 
 @contextmanager
-def _leave_out_on_error(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
+def _leave_out_on_error(part: JoinedFilm, errors: dict[str, str]) -> Iterator[None]:
     """Run a block for one film; on FinloopError print a warning, note the cause, and continue.
 
     errors: name of the film → cause; gets an entry for a film that fails.

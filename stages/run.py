@@ -272,9 +272,9 @@ def report_findings(folder: Path, findings: Mapping[str, Iterable[Finding]]) -> 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
     """Write the numbers of a stage to `path`, reports/<stage>/metrics.json, sorted and rounded.
 
-    METRICS names, by the name of the folder, the chief numbers, which stand at the top. None, NaN
-    and infinity are left out: such a number does not exist for this clip (no truth, no fish long
-    enough). TypeError for what is no number.
+    METRICS names, by the name of the folder, the headline numbers, which stand at the top. None,
+    NaN and infinity are left out: such a number does not exist for this clip (no truth, no fish
+    long enough). TypeError for what is no number.
     """
     # Not at the top: they need the right Python.
     from finloop.io.numbers import save_numbers

@@ -34,7 +34,7 @@ from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import FEATURES
 from finloop.io.numbers import load_numbers
 from finloop.io.record import save_records
-from finloop.io.several import PARTS_NAME, FilmPart
+from finloop.io.several import PARTS_NAME, JoinedFilm
 from finloop.io.table import load_table, save_table
 from finloop.project import Project
 from finloop.social.measures import SCHOOL, measure_values, wasserstein_distances
@@ -344,8 +344,8 @@ def test_of_several_films_the_first_alone_teaches(zones_run, tmp_path, monkeypat
     later = second.assign(frame=second["frame"] + 200, track_id=second["track_id"] + 6)
     both = pd.concat([first, later], ignore_index=True).astype(FEATURES.kinds)
     parts = [
-        FilmPart("x", "x.mp4", 0, 0, "broken"), FilmPart("a", "a.mp4", 0, 200),
-        FilmPart("b", "b.mp4", 200, 500),
+        JoinedFilm("x", "x.mp4", 0, 0, "broken"), JoinedFilm("a", "a.mp4", 0, 200),
+        JoinedFilm("b", "b.mp4", 200, 500),
     ]  # fmt: skip
     assert run(tmp_path, monkeypatch, both, parts=parts) == zones_run[1]
 

@@ -527,13 +527,13 @@ def test_a_sample_is_of_successive_frames_spread_over_the_range(tmp_path, kind, 
         path, frame_rate_hz=rate, start_s=first / (rate or 25), end_s=last / (rate or 25)
     )
     shown = [float(picture.mean()) for picture in read(footage)[1]]
-    stretches = [[float(p.mean()) for p in part] for part in footage.sample_stretches(40)]
+    stretches = [[float(p.mean()) for p in part] for part in footage.sample_runs(40)]
     assert {len(stretch) for stretch in stretches} == {5} and 5 <= len(stretches) <= 8
     starts = [
         next(k for k in range(len(shown)) if shown[k : k + 5] == stretch) for stretch in stretches
     ]
     assert min(np.diff(starts)) >= 5 and starts[0] < 20 and starts[-1] > 100
-    assert sum(map(len, footage.sample_stretches(140))) == 140
+    assert sum(map(len, footage.sample_runs(140))) == 140
 
 
 def test_a_given_rate_keeps_every_frame_and_changes_its_time(tmp_path):

@@ -52,7 +52,7 @@ from finloop.features.metrics import compare_heads_with_external
 from finloop.features.table import measure_features
 from finloop.io.numbers import load_numbers
 from finloop.io.poses import load_poses
-from finloop.io.several import FilmPart, join_clips
+from finloop.io.several import JoinedFilm, join_clips
 from finloop.io.table import load_table, save_csv_in_blocks, save_table
 from finloop.io.video import FRAMES, load_facts, load_mask
 from finloop.verbs import Film
@@ -253,7 +253,7 @@ def test_several_films_of_another_programs_tracks_become_one(
         shutil.copytree(film[0] / "data/clip", clip / "films" / name)
         if name < "c":
             shutil.copytree(tracks_run / "trex", tmp_path / name)
-    join_clips(clip, [FilmPart(name, str(tmp_path / f"{name}.mp4")) for name in "abc"])
+    join_clips(clip, [JoinedFilm(name, str(tmp_path / f"{name}.mp4")) for name in "abc"])
     prepare(tmp_path, *CARP, f"extract.tracks_path='{code}'")
     monkeypatch.chdir(tmp_path)
     stages.extract.main()

@@ -19,7 +19,7 @@ from finloop.extract.table import tracks_schema
 from finloop.io import atomic
 from finloop.io.atomic import require_free_space
 from finloop.io.numbers import load_numbers
-from finloop.io.pieces import Pieces, remove_folders_except
+from finloop.io.pieces import Checkpoints, remove_folders_except
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, KEY_FRAME_EVERY, load_facts, load_mask
 from finloop.verbs import Film, track
@@ -35,7 +35,7 @@ Usage = namedtuple("Usage", "total used free")
 
 @pytest.mark.parametrize("left", [0, 4, 12, -1])
 def test_a_piece_that_is_kept_is_not_made_again_unless_it_is_damaged(tmp_path, left):
-    pieces = Pieces(tmp_path)
+    pieces = Checkpoints(tmp_path)
     assert pieces.stored_bytes() == 0
     for make in (lambda: list(range(99)), lambda: 1 / 0):
         assert pieces.load_or_make("1", make) == list(range(99))
@@ -47,7 +47,7 @@ def test_a_piece_that_is_kept_is_not_made_again_unless_it_is_damaged(tmp_path, l
 
 def test_pieces_of_something_else_are_removed(tmp_path):
     for name in "abc":
-        Pieces(tmp_path / name).load_or_make("1", lambda: 1)
+        Checkpoints(tmp_path / name).load_or_make("1", lambda: 1)
     remove_folders_except(tmp_path, ["b"])
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
     remove_folders_except(tmp_path, [])

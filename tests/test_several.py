@@ -30,7 +30,7 @@ from finloop.io.cutouts import open_cutouts
 from finloop.io.footage import list_films, unique_film_names
 from finloop.io.movie import VideoWriter
 from finloop.io.numbers import load_numbers
-from finloop.io.several import frames_at_rate, load_readable_parts
+from finloop.io.several import frames_at_rate, load_readable_films
 from finloop.io.table import load_table, save_table
 from finloop.io.video import VideoFacts, load_facts
 
@@ -208,7 +208,7 @@ def test_the_frames_of_all_films_are_one_count_at_the_lowest_rate(joined_run):
     facts = load_facts(joined_run / "data/clip/facts.json")
     assert facts.segments == ((0, FRAMES), (FRAMES, 2 * FRAMES))
     assert (facts.frames, facts.frame_rate, facts.width_px) == (2 * FRAMES, 25, SIZE[1])
-    assert [part.name for part in load_readable_parts(joined_run / "data/clip")] == [
+    assert [part.name for part in load_readable_films(joined_run / "data/clip")] == [
         "1-first",
         "2-fine",
     ]

@@ -258,7 +258,7 @@ class _FilmSample:
             frame_bytes = channels * self.footage.width_px * self.footage.height_px
             most = max(2 * STRETCHES, min(_MOST, _SAMPLE_BYTES // frame_bytes))
             self._fields = fields
-            self._stretches = replace(self.footage, fields=fields).sample_stretches(most)
+            self._stretches = replace(self.footage, fields=fields).sample_runs(most)
         return self._stretches
 
     def shows_something(self) -> bool:

@@ -23,7 +23,7 @@ from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, SCENE_NAME
 from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.record import load_record
-from finloop.io.several import FILMS, FilmPart, frames_at_rate, load_readable_parts
+from finloop.io.several import FILMS, JoinedFilm, frames_at_rate, load_readable_films
 from finloop.io.table import load_table, table_writer
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 
@@ -60,7 +60,7 @@ class _FilmTracks(NamedTuple):
     numbers in the film's own table and cut-outs; home: its folder.
     """
 
-    part: FilmPart
+    part: JoinedFilm
     facts: VideoFacts
     scene: SceneFacts
     table: pd.DataFrame
@@ -86,7 +86,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
     errors: by name of each film without tracks, the reason. FinloopError if the first film is among
     them: the animation is shown in its tank.
     """
-    parts, joint = load_readable_parts(clip), load_facts(clip / FACTS_NAME)
+    parts, joint = load_readable_films(clip), load_facts(clip / FACTS_NAME)
     if parts[0].name in errors:
         raise FinloopError(
             f"{parts[0].path}, the first film, cannot be followed: {errors[parts[0].name]}",
@@ -158,7 +158,7 @@ def _joint_external_rows(film: _FilmTracks, table: pd.DataFrame, scale: float) -
     return rows.assign(**table[["track_id", "frame"]], animal=animal)
 
 
-def _load_film_tracks(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> _FilmTracks:
+def _load_film_tracks(part: JoinedFilm, clip: Path, folder: Path, whole: VideoFacts) -> _FilmTracks:
     """Load those rows of one film's tracks whose frames remain at the common frame rate.
 
     clip, folder: those of all films together; whole: facts about the joint clip, whose frame

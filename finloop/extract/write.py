@@ -32,7 +32,7 @@ from finloop.extract.verdict import measure_area_jumps
 from finloop.io.atomic import require_free_space
 from finloop.io.cutouts import compressed_size, tracks_writer
 from finloop.io.picture import save_picture
-from finloop.io.pieces import Pieces, pack_result
+from finloop.io.pieces import Checkpoints, pack_result
 from finloop.io.record import save_record
 from finloop.io.table import arrow_table
 from finloop.io.video import (
@@ -71,7 +71,7 @@ class Extraction(NamedTuple):
 
 def extract_tracks(
     clip: Path, p: ExtractSettings, folder: Path, workers: Workers,
-    advance: Callable[[], None] = lambda: None, pieces: Pieces | None = None,
+    advance: Callable[[], None] = lambda: None, pieces: Checkpoints | None = None,
 ) -> Extraction:  # fmt: skip
     """Write the tracks, cut-outs, scene and background of a clip to a folder, and return a summary.
 
@@ -129,7 +129,7 @@ def extract_tracks(
     return Extraction(scene_facts, verdicts, lengths, jumps_pct, external_metrics, lost)
 
 
-def _open_stream(clip: Path, facts: VideoFacts, pieces: Pieces | None) -> film.ClipStream:
+def _open_stream(clip: Path, facts: VideoFacts, pieces: Checkpoints | None) -> film.ClipStream:
     """Return how workers read the clip in a folder, and store their detections in `pieces`."""
     # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
@@ -195,7 +195,7 @@ def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list
 
 
 def _refuse_small_disk(
-    folder: Path, frames: int, sample: Sequence[film.Detections], pieces: Pieces | None
+    folder: Path, frames: int, sample: Sequence[film.Detections], pieces: Checkpoints | None
 ) -> None:
     """Raise FinloopError if a disk has too little space for all results of a film.
 

@@ -47,10 +47,11 @@ Json = dict[str, Any]
 def save_animation(
     path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int = 512
 ) -> str:
-    """Write a morph to `path` in the format of its ending; say what the format cannot hold, or "".
+    """Write a morph to a file in the format of its ending; return what the format cannot hold.
 
-    frame_rate: frames per second. longer_side_px: of the pictures in WebP and MP4. FinloopError if
-    the ending is not one of `ENDINGS`, or if rate or side are out of their ranges.
+    The result is a phrase for the user, "" if nothing is lost. frame_rate: frames per second.
+    longer_side_px: of the pictures in WebP and MP4. FinloopError if the ending is not one of
+    `ENDINGS`, or if rate or side are out of their ranges.
     """
     write = find_morph_writer(path)
     if not SLOWEST <= frame_rate <= FASTEST:
@@ -67,7 +68,7 @@ def save_animation(
 
 
 def find_morph_writer(path: Path) -> "Writer":
-    """Return the function that writes morphs in the file format that the ending of `path` names.
+    """Return the function that writes morphs in the format of a path's ending, such as ".svg".
 
     FinloopError if no format has this ending.
     """
@@ -85,10 +86,10 @@ def find_morph_writer(path: Path) -> "Writer":
 
 
 def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
-    """Write a morph as plain JSON: the points of every contour in every frame.
+    """Write a morph as JSON with the points of every contour in every frame.
 
-    The content is `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`; tau is the share of the
-    morph, 0 … 1. frame_rate and longer_side_px are not used: JSON has neither.
+    The content is `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`; tau is the time within
+    the morph, 0 … 1. frame_rate and longer_side_px are not used: JSON has neither.
     """
     save_json(path, {"frames": [
         {"tau": float(tau), "layers": {
@@ -117,7 +118,9 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
         f'<g transform="scale({1 / grid:.10g})" stroke-linejoin="round" stroke-linecap="round"'
         ' fill-rule="evenodd">',
     ]
-    clock = _SvgClock(f'dur="{float(seconds):.6g}s" repeatCount="indefinite"', morph.end_frame)
+    animator = _SvgAnimator(
+        f'dur="{float(seconds):.6g}s" repeatCount="indefinite"', morph.end_frame
+    )
     for number, frames in enumerate(painted_frames(morph)):
         shape = frames[0]
         contours = [np.round(morph.layers[name] * grid).astype(np.int64) for name in shape.layers]
@@ -126,28 +129,32 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
             for frame_contours in zip(*contours, strict=True)
         ]
         paints = [scale_paint(frame.paint, grid, np.zeros(2)) for frame in frames]
-        kinds = _split_by_kind(paints)
+        kinds = _split_by_paint_kind(paints)
         for part, (kind_paints, is_shown) in enumerate(kinds):
             # Gradients of two kinds need two paths, of which one is shown at a time.
             name = f"id={quoteattr(shape.name)} " if part == 0 else ""
-            defs, attributes, animations = _svg_paint(kind_paints, clock, f"paint-{number}-{part}")
-            animations += clock.animate("d", paths)
+            defs, attributes, animations = _svg_paint(
+                kind_paints, animator, f"paint-{number}-{part}"
+            )
+            animations += animator.animate("d", paths)
             if not is_shown.all():
                 words = ["visible" if shown else "hidden" for shown in is_shown]
                 attributes += f' visibility="{words[0]}"'
-                animations += clock.switch("visibility", words)
+                animations += animator.switch("visibility", words)
             d = quoteattr(paths[0])
             lines.append(f"{defs}<path {name}{attributes} d={d}>{animations}</path>")
     save_bytes(path, "\n".join([*lines, "</g>", "</svg>", ""]).encode())
 
 
-def _split_by_kind(
-    paints: list[Paint], by_ends: bool = False
+def _split_by_paint_kind(
+    paints: list[Paint], by_caps: bool = False
 ) -> list[tuple[list[Paint], NDArray[np.bool_]]]:
-    """Split the paints of a shape by the kinds of their gradients, which cannot change in a player.
+    """Split a shape's paints by their kinds: colour, linear or radial gradient, of fill and stroke.
 
-    by_ends: whether also by the ends of their dashes. For each kind, return a paint for every
-    frame, from the nearest frame of the kind, and in which frames (f,) the kind is shown.
+    Players cannot change the kind during an animation. paints: one for each frame. by_caps: whether
+    dashes with other end caps also count as another kind. The result has two items for each kind: a
+    paint for every frame, from the nearest frame of this kind, and a mask (f,) of the kind's
+    frames.
     """
     kinds = [
         (
@@ -155,7 +162,7 @@ def _split_by_kind(
                 fill.kind if isinstance(fill, Gradient) else "colour"
                 for fill in (paint.fill, paint.stroke)
             ),
-            by_ends and bool(paint.dashes) and not paint.round_dashes,
+            by_caps and bool(paint.dashes) and not paint.round_dashes,
         )
         for paint in paints
     ]
@@ -175,45 +182,45 @@ def _svg_path_data(points: Ints, closed: bool) -> str:
     return f"M{points[0, 0]} {points[0, 1]}l{text}{'z' if closed else ''}"
 
 
-class _SvgClock(NamedTuple):
-    """How values of every frame become animations in SVG."""
+class _SvgAnimator(NamedTuple):
+    """Writer of SVG animation elements, all of one duration, from a value for each frame."""
 
     timing: str  # attributes that say how long the animation is and that it repeats
     end_frame: int  # the frame after the last
 
     def animate(self, attribute: str, values: Sequence[str]) -> str:
-        """Return an animation of an attribute from frame to frame; "" if it does not change."""
+        """Return the SVG element that changes an attribute smoothly; "" if all values are equal."""
         if len(set(values)) == 1 and attribute != "d":
             return ""
         text = ";".join([*values, values[self.end_frame]])
         return f'<animate attributeName="{attribute}" {self.timing} values="{text}"/>'
 
     def switch(self, attribute: str, values: Sequence[str]) -> str:
-        """Return an animation of an attribute that keeps each frame's value for its time."""
+        """Return the SVG element that changes an attribute at once at every frame."""
         how = f'calcMode="discrete" {self.timing}'
         return f'<animate attributeName="{attribute}" {how} values="{";".join(values)}"/>'
 
 
-def _svg_paint(paints: list[Paint], clock: _SvgClock, name: str) -> tuple[str, str, str]:
-    """Return the SVG gradients, attributes and animations that paint a shape, fill and stroke.
+def _svg_paint(paints: list[Paint], animator: _SvgAnimator, name: str) -> tuple[str, str, str]:
+    """Return the SVG text for a shape's fill and stroke: gradients, attributes and animations.
 
-    paints: of every frame, in units of the path, with gradients of one kind. name: for gradients,
-    unique in the file.
+    paints: one for each frame, in units of the path, with gradients of one kind. name: prefix of
+    the gradients' ids, unique in the file.
     """
     defs, animations = "", ""
     attributes = dict[str, str]()
 
     def add_values(key: str, values: list[str], usual: str = "") -> None:
-        """Add an attribute with its value in every frame, unless it always has the usual one."""
+        """Add an attribute with its value in every frame, unless all are the default (`usual`)."""
         nonlocal animations
         if set(values) != {usual}:
             attributes[key] = values[0]
-            animations += clock.animate(key, values)
+            animations += animator.animate(key, values)
 
     for key in ("fill", "stroke"):
         fills: list[Fill] = [getattr(paint, key) for paint in paints]
         if isinstance(fills[0], Gradient):
-            defs += _svg_gradient(cast("list[Gradient]", fills), clock, f"{name}-{key}")
+            defs += _svg_gradient(cast("list[Gradient]", fills), animator, f"{name}-{key}")
             attributes[key] = f"url(#{name}-{key})"
         else:
             add_values(key, [_svg_colour(cast("Colour | None", fill)) for fill in fills])
@@ -232,7 +239,7 @@ def _svg_paint(paints: list[Paint], clock: _SvgClock, name: str) -> tuple[str, s
             ]
             attributes["stroke-linecap"] = caps[0]
             if len(set(caps)) > 1:
-                animations += clock.switch("stroke-linecap", caps)
+                animations += animator.switch("stroke-linecap", caps)
     return defs, " ".join(f'{key}="{value}"' for key, value in attributes.items()), animations
 
 
@@ -241,10 +248,11 @@ def _svg_colour(colour: Colour | None) -> str:
     return "none" if colour is None else format_colour(colour)
 
 
-def _svg_gradient(gradients: list[Gradient], clock: _SvgClock, name: str) -> str:
-    """Return the SVG definition of a gradient: one for each frame, and one that shows them in turn.
+def _svg_gradient(gradients: list[Gradient], animator: _SvgAnimator, name: str) -> str:
+    """Return the SVG definition of a gradient that changes from frame to frame.
 
-    gradients: of every frame, of one kind, in units of the path. name: of the gradient.
+    It has an element for each different gradient, and one called `name` that refers to them in
+    turn. gradients: one for each frame, of one kind, in units of the path.
     """
     tag = f"{gradients[0].kind}Gradient"
     defs, names = dict[Gradient, str](), list[str]()
@@ -268,7 +276,7 @@ def _svg_gradient(gradients: list[Gradient], clock: _SvgClock, name: str) -> str
             f' gradientTransform="matrix({matrix})" spreadMethod="{gradient.spread}">'
             f"{stops}</{tag}>"
         )
-    turn = clock.switch("href", names) if len(defs) > 1 else ""
+    turn = animator.switch("href", names) if len(defs) > 1 else ""
     lines.append(f'<{tag} id="{name}" href="{names[0]}">{turn}</{tag}>')
     return f"<defs>{''.join(lines)}</defs>"
 
@@ -277,10 +285,11 @@ def _svg_gradient(gradients: list[Gradient], clock: _SvgClock, name: str) -> str
 
 
 def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> str:
-    """Write a morph as Lottie JSON, with a layer a shape and a key frame a frame; say what is lost.
+    """Write a morph as Lottie JSON; return what Lottie cannot hold, "" if nothing is lost.
 
-    The topmost shape is first. Players interpolate linearly between keyframes. frame_rate: frames
-    per second. longer_side_px is not used: the picture is scalable.
+    A shape becomes a layer, the topmost first, and a frame becomes a keyframe. Players interpolate
+    linearly between keyframes. frame_rate: frames per second. longer_side_px is not used: the
+    picture is scalable.
     """
     layers = [
         _lottie_layer(morph, frames, k) for k, frames in enumerate(painted_frames(morph)[::-1], 1)
@@ -295,7 +304,10 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px:
 
 
 def _lottie_layer(morph: Morph, frames: list[Shape], index: int) -> Json:
-    """Return the Lottie layer of a shape, given in every frame; index: its number, 1 = topmost."""
+    """Return the Lottie layer that shows one shape of a morph.
+
+    frames: the shape in every frame. index: number of the layer, 1 = topmost.
+    """
     shape = frames[0]
     # Opacity, rotation, position, anchor and scale that change nothing.
     transform = {"o": 100, "r": 0, "p": [0, 0], "a": [0, 0], "s": [100, 100]}
@@ -321,11 +333,11 @@ def _lottie_path(morph: Morph, name: str, closed: bool) -> Json:
     frames = morph.layers[name].tolist()
     straight = [[0, 0]] * len(frames[0])  # tangents of length 0: polylines
     values = [{"i": straight, "o": straight, "v": points, "c": closed} for points in frames]
-    return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": _lottie_keys(values)}}
+    return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": _lottie_keyframes(values)}}
 
 
-def _lottie_keys(values: Sequence[Any]) -> list[Json]:
-    """Return Lottie keyframes, one for the value of every frame."""
+def _lottie_keyframes(values: Sequence[Any]) -> list[Json]:
+    """Return a Lottie keyframe for each frame's value."""
     keys: list[Json] = [{"t": k, "s": [value]} for k, value in enumerate(values)]
     # Linear easing to the next keyframe; the last has none, or players would look for one more.
     for key in keys[:-1]:
@@ -334,13 +346,13 @@ def _lottie_keys(values: Sequence[Any]) -> list[Json]:
 
 
 def _lottie_paints(paints: list[Paint]) -> list[Json]:
-    """Return the Lottie items that paint a shape: its strokes before its fills, which lie below.
+    """Return the Lottie items that paint a shape: its strokes, and then its fills, which lie below.
 
-    paints: of every frame. A gradient along an ellipse becomes one along a circle of its area.
+    paints: one for each frame. An elliptical gradient becomes a circular one of the same area.
     """
     items: list[Json] = []
     for key, letter in (("stroke", "s"), ("fill", "f")):
-        for kind_paints, is_shown in _split_by_kind(paints, by_ends=key == "stroke"):
+        for kind_paints, is_shown in _split_by_paint_kind(paints, by_caps=key == "stroke"):
             fills: list[Fill] = [getattr(paint, key) for paint in kind_paints]
             if fills[0] is None:
                 continue
@@ -348,7 +360,7 @@ def _lottie_paints(paints: list[Paint]) -> list[Json]:
                 100 * getattr(paint, f"{key}_opacity") * bool(shown)
                 for paint, shown in zip(kind_paints, is_shown, strict=True)
             ]
-            item: Json = {"ty": letter + "tl"[key == "fill"], "o": _lottie_values(opacities)}
+            item: Json = {"ty": letter + "tl"[key == "fill"], "o": _lottie_property(opacities)}
             if isinstance(fills[0], Gradient):
                 item |= {"ty": f"g{letter}"} | _lottie_gradient(cast("list[Gradient]", fills))
             else:
@@ -356,28 +368,28 @@ def _lottie_paints(paints: list[Paint]) -> list[Json]:
                     [*(round(level / 255, 4) for level in colour), 1]
                     for colour in cast("list[Colour]", fills)
                 ]
-                item["c"] = _lottie_values(colours)
-            item |= _lottie_line(kind_paints) if key == "stroke" else {"r": 2}  # 2: even-odd
+                item["c"] = _lottie_property(colours)
+            item |= _lottie_stroke(kind_paints) if key == "stroke" else {"r": 2}  # 2: even-odd
             items.append(item)
     return items
 
 
-def _lottie_line(paints: list[Paint]) -> Json:
-    """Return how wide a Lottie stroke is in every frame, and its dashes."""
-    line: Json = {"w": _lottie_values([paint.width for paint in paints]), "lc": 2, "lj": 2}
+def _lottie_stroke(paints: list[Paint]) -> Json:
+    """Return the width of a Lottie stroke and its dashes, in every frame."""
+    line: Json = {"w": _lottie_property([paint.width for paint in paints]), "lc": 2, "lj": 2}
     paints = align_dashes(paints)
     if not paints[0].dashes:
         return line  # 2: round ends and joins
     dashes = [
-        {"n": "dg"[k % 2], "v": _lottie_values(list(lengths))}
+        {"n": "dg"[k % 2], "v": _lottie_property(list(lengths))}
         for k, lengths in enumerate(zip(*(paint.dashes for paint in paints), strict=True))
     ]
-    offset = {"n": "o", "v": _lottie_values([paint.dash_offset for paint in paints])}
+    offset = {"n": "o", "v": _lottie_property([paint.dash_offset for paint in paints])}
     return line | {"d": [*dashes, offset], "lc": 2 if paints[0].round_dashes else 1}
 
 
 def _lottie_gradient(gradients: list[Gradient]) -> Json:
-    """Return a Lottie gradient: its kind, its two ends in every frame, and its stops."""
+    """Return a Lottie gradient: its kind, and its end points and stops in every frame."""
     starts, ends, stops = list[list[float]](), list[list[float]](), list[list[float]]()
     for gradient in gradients:
         rows = np.reshape(gradient.matrix, (3, 2))
@@ -396,9 +408,9 @@ def _lottie_gradient(gradients: list[Gradient]) -> Json:
         stops.append([round(float(value), 4) for part in (*colours, *opacities) for value in part])
     item = {
         "t": 1 if gradients[0].kind == "linear" else 2,
-        "s": _lottie_values(starts),
-        "e": _lottie_values(ends),
-        "g": {"p": len(gradients[0].stops), "k": _lottie_values(stops)},
+        "s": _lottie_property(starts),
+        "e": _lottie_property(ends),
+        "g": {"p": len(gradients[0].stops), "k": _lottie_property(stops)},
     }
     if gradients[0].kind == "radial":
         # Length in per cent of the radius, and angle against start → end, which runs to the right.
@@ -407,16 +419,16 @@ def _lottie_gradient(gradients: list[Gradient]) -> Json:
             for gradient in gradients
         ]
         radii = [max(end[0] - start[0], 1e-300) for start, end in zip(starts, ends, strict=True)]
-        item["h"] = _lottie_values([
+        item["h"] = _lottie_property([
             min(99.0, 100 * float(np.hypot(*place)) / radius)
             for place, radius in zip(focus, radii, strict=True)
         ])  # fmt: skip
-        item["a"] = _lottie_values([float(np.degrees(np.arctan2(y, x))) for x, y in focus])
+        item["a"] = _lottie_property([float(np.degrees(np.arctan2(y, x))) for x, y in focus])
     return item
 
 
 def _lottie_losses(morph: Morph) -> str:
-    """Return in words what of a morph Lottie cannot hold, "" if nothing."""
+    """Return a phrase on the gradients of a morph that Lottie cannot hold; "" without any."""
     lost = dict[str, list[str]]()
     for name, paints in morph.styles.items():
         for fill in {fill for paint in paints for fill in (paint.fill, paint.stroke)}:
@@ -434,18 +446,18 @@ def _lottie_losses(morph: Morph) -> str:
     )
 
 
-def _lottie_values(values: list[Any]) -> Json:
-    """Return the Lottie form of a number or list that has a value in every frame."""
+def _lottie_property(values: list[Any]) -> Json:
+    """Return a Lottie property, a number or a list, from its value in every frame."""
     if all(value == values[0] for value in values):
         return _lottie_constant(values[0])
-    keys = _lottie_keys(values)
+    keys = _lottie_keyframes(values)
     for key in keys:
         key["s"] = key["s"][0] if isinstance(key["s"][0], list) else key["s"]
     return {"a": 1, "k": keys}
 
 
 def _lottie_constant(value: object) -> Json:
-    """Return the Lottie form of a value that does not change during the animation."""
+    """Return a Lottie property that does not change during the animation."""
     return {"a": 0, "k": value}
 
 
@@ -486,7 +498,7 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
     side = max(morph.width, morph.height)
 
     def paint_frame(frame: int) -> Picture:
-        """Return the picture (h, w, 3) of the frame with a number."""
+        """Return the picture (h, w, 3) of a frame, given its number."""
         shapes = group_contours(morph.closed, morph.paints_at(frame), side)
         contours = [(item, [morph.layers[name][frame] for name in item.layers]) for item in shapes]
         return paint_layers(contours, shape, scale)

@@ -78,7 +78,7 @@ class CutoutWriter:
         packed = _CODEC.compress(pixels, asbytes=True)
         # Before the pixels: track, frame and place; after them, of sprites: number, orientation.
         key = cutout[5:] if self._schema is _SPRITES else ()
-        self._append((*cutout[:4], *pixels.shape, *key, packed))
+        self._keep_row((*cutout[:4], *pixels.shape, *key, packed))
 
     def copy_cutouts(
         self, store: "CutoutStore", rows: Rows, track_frames: NDArray[np.integer] | None = None
@@ -92,16 +92,16 @@ class CutoutWriter:
         if track_frames is not None:
             index[:, :2] = track_frames
         for row, entry in zip(rows.tolist(), index.tolist(), strict=True):
-            self._append((*entry, store.pixel_buffer(row).to_pybytes()))
+            self._keep_row((*entry, store.pixel_buffer(row).to_pybytes()))
 
-    def _append(self, row: tuple[Any, ...]) -> None:
-        """Let a row of the store wait to be written: its index columns, and compressed pixels."""
+    def _keep_row(self, row: tuple[Any, ...]) -> None:
+        """Keep a row, its index columns and compressed pixels, for the next batch to write."""
         self._rows.append(row)
         if len(self._rows) >= _BATCH:
             self._flush()
 
     def _flush(self, error: Any = None, *_: Any) -> None:
-        """Write the waiting cut-outs as one batch, unless the `with` block has failed.
+        """Write the rows kept so far as one batch, unless the `with` block has failed.
 
         error: what ended the block; None if it goes on, or has succeeded.
         """

@@ -9,10 +9,10 @@ from finloop.base.finding import FINDINGS_NAME, GOOD
 
 
 def load_faults(folders: Iterable[Path]) -> pd.DataFrame:
-    """Return the findings with another verdict than good, from the folders of stages that judge.
+    """Load the faults of the films: all findings whose verdict is not "good".
 
-    Columns film ("" for a single film), what, measured, what to do. A folder without the table is
-    passed over.
+    folders: of the stages that judge films; one without a table of findings is skipped. The table
+    has the columns film ("" for a single film), what, measured, what to do.
     """
     paths = [folder / FINDINGS_NAME for folder in folders]
     columns = ["film", "what", "verdict", "measured", "what to do"]

@@ -21,7 +21,7 @@ _HEADER = b"finloop"  # the key of the header in the file's metadata
 
 
 class Journal:
-    """A new journal: a file of table rows, each on the disk as soon as it is appended.
+    """A table in a file that grows by appending; appended rows are on the disk at once.
 
     header: a text kept with the table, such as the settings of a session.
     """

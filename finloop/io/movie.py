@@ -79,8 +79,8 @@ class FilmWriter(ABC):
             self._stack = stack.pop_all()  # from now on `__exit__` closes it
         return self._stream
 
-    def _set_half_chroma(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
-        """Set up a stream for even sides, limited range (16 … 235), colours at half the resolution.
+    def _set_yuv420_format(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
+        """Set a stream to even sides, limited range (16 … 235) and colours at half the resolution.
 
         stream: changes. pixels: FFmpeg's name of its pixel format. matrix: how RGB becomes
         brightness and colours.
@@ -184,8 +184,9 @@ class VideoWriter(FilmWriter):
 
     Mono film is coded as 4:0:0, so the decoded Y plane *is* the picture. Colour film is coded in
     full-range BT.601, 4:2:0 if both sides are even and 4:4:4 if one is odd, so no row or column is
-    lost. Every `KEY_FRAME_EVERY`-th frame can be sought. colour: frames are RGB instead of grey.
-    crf: 0 = lossless (grey bit for bit; RGB up to the rounding of its YUV form), 51 = worst.
+    lost. Every `KEY_FRAME_EVERY`-th frame is a key frame, where reading can begin. colour: frames
+    are RGB instead of grey. crf: 0 = lossless (grey bit for bit; RGB up to the rounding of its YUV
+    form), 51 = worst.
     """
 
     def __init__(
@@ -240,7 +241,7 @@ class Mp4Writer(FilmWriter):
         """Open an MP4 file with a H.264 stream and return this writer."""
         options = {"crf": self._quality, "preset": "veryfast"} | _REPEATABLE
         stream = self._open_stream("mp4", {"movflags": "+faststart"}, "libx264", options)
-        self._set_half_chroma(stream, "yuv420p", Colorspace.ITU709)
+        self._set_yuv420_format(stream, "yuv420p", Colorspace.ITU709)
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
@@ -294,7 +295,7 @@ class WebmWriter(FilmWriter):
         }  # fmt: skip
         container = {"fflags": "bitexact"}  # else a random number names the file
         stream = self._open_stream("webm", container, "libvpx-vp9", options)
-        self._set_half_chroma(stream, "yuva420p", Colorspace.ITU601)
+        self._set_yuv420_format(stream, "yuva420p", Colorspace.ITU601)
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
@@ -335,7 +336,7 @@ class AlphaWebpWriter(FilmWriter):
 
 
 def load_film_below_size(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
-    """Load an MP4 film of limited size for a web page; return its bytes and its first frame.
+    """Return the bytes of an MP4 film of limited size, for a web page, and its first frame.
 
     A film of more than `most_bytes` is coded again, narrower. The first frame (h, w, 3), RGB uint8,
     keeps its size. FinloopError if the film cannot be read, or is too long to become so small.

@@ -10,15 +10,15 @@ NUMBERS_NAME = "metrics.json"
 
 
 def save_numbers(
-    folder: Path, numbers: Mapping[str, float | int], chief: Collection[str] = ()
+    folder: Path, numbers: Mapping[str, float | int], headlines: Collection[str] = ()
 ) -> None:
     """Write a stage's numbers by name to `folder`/metrics.json, sorted, a line each.
 
-    chief: names of those that DVC compares. They stand at the top, by name; all numbers follow in
-    the list `numbers`, which DVC draws as a table.
+    headlines: names of those that DVC compares. They stand at the top, by name; all numbers follow
+    in the list `numbers`, which DVC draws as a table.
     """
     top = [f"  {json.dumps(name)}: {value!r}," for name, value in sorted(numbers.items())
-           if name in chief]  # fmt: skip
+           if name in headlines]  # fmt: skip
     rows = [
         f"    {json.dumps({'number': name, 'value': value})}"
         for name, value in sorted(numbers.items())

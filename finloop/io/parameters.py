@@ -23,14 +23,14 @@ def read_parameters(path: Path) -> dict[str, Any]:
     return values
 
 
-def build_settings(word: str, values: Mapping[str, Any]) -> Any:
+def build_settings(stage: str, values: Mapping[str, Any]) -> Any:
     """Return the checked settings of one stage as a dataclass, from the values of params.yaml.
 
-    word: the stage's key in params.yaml, such as "extract". FinloopError lists all parameters that
-    are refused, by dotted name.
+    stage: its key in params.yaml, such as "extract". FinloopError lists all parameters that are
+    refused, by dotted name.
     """
     # A stage has one dataclass of settings or several variants; the values decide which.
-    checked, problems = check_values(word, variants(word), values.get(word, {}))
+    checked, problems = check_values(stage, variants(stage), values.get(stage, {}))
     if problems:
         raise refusal_error(problems)
     return checked
@@ -43,7 +43,7 @@ def refusal_error(problems: list[str]) -> FinloopError:
     """
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
     groups = dict.fromkeys(re.split(r"[.:]", problem)[0] for problem in problems)
-    help_words = " ".join(f"help={word}" for word in groups if word in GROUPS) or "help=clip"
+    help_words = " ".join(f"help={stage}" for stage in groups if stage in GROUPS) or "help=clip"
     return FinloopError(
         f"{count} refused:\n    " + "\n    ".join(problems),
         f'names, types and ranges as make params S="{help_words}" prints them',

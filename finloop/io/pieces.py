@@ -1,6 +1,6 @@
-"""Results of the pieces of a long run, from which an interrupted run continues.
+"""Stored results of the steps of a long run, from which an interrupted run continues.
 
-A piece is a file. Its folder's name is a digest of the film, the parameters and the code. Pieces
+A result is a file. Its folder's name is a digest of the film, the parameters and the code. Results
 are removed when the run has succeeded; a damaged one is computed again.
 """
 
@@ -22,8 +22,8 @@ _SIZE = 8  # bytes of the size in front of a piece
 
 
 @dataclass(frozen=True)
-class Pieces:
-    """The stored results of the parts of a long run, from which it continues if interrupted.
+class Checkpoints:
+    """Stored results of the steps of a long run, from which an interrupted run continues.
 
     Each result is a file in `folder`. An object of this class can be sent to another process.
     """
@@ -31,7 +31,7 @@ class Pieces:
     folder: Path
 
     def load_or_make(self, name: str, make: Callable[[], T]) -> T:
-        """Return the result with a name from its file; if missing or damaged, compute and store it.
+        """Return a stored result by its name; compute and store it if it is missing or damaged.
 
         name: also that of the file. make: computes the result. FinloopError if the disk is full.
         """
@@ -57,13 +57,13 @@ class Pieces:
 
 
 def pack_result(result: object) -> bytes:
-    """Convert a result to the content of its file: its plain size, then its compressed pickle."""
+    """Return the content of a result's file: the pickle's size in bytes, then it, compressed."""
     plain = pickle.dumps(result, pickle.HIGHEST_PROTOCOL)
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 
 def remove_folders_except(folder: Path, names: Iterable[str]) -> None:
-    """Remove the folders in `folder` whose names are not in `names`, and `folder` if then empty."""
+    """Remove all folders in a folder except for some by name; then the folder itself if empty."""
     names = set(names)
     for path in folder.glob("*"):
         if path.name not in names:

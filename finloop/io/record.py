@@ -26,7 +26,7 @@ def save_json(path: Path, content: Any, indent: int | None = 2) -> None:
 def load_json(
     path: Path, build: Callable[[Any], T], wanted: str, do: str, most_bytes: int = MOST_BYTES
 ) -> T:
-    """Read a JSON file, give its content to `build`, and return what `build` makes of it.
+    """Load a JSON file; return what the function `build` makes of its content.
 
     FinloopError, with the lines `wanted` and `do`, if the file is missing, larger than
     `most_bytes`, no JSON, or `build` raises ValueError, TypeError, KeyError or AttributeError.
@@ -70,6 +70,6 @@ def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
 
 
 def remake_hint(stage: str) -> tuple[str, str]:
-    """Return the lines `wanted` and `do` of the error about a damaged file that a stage wrote."""
+    """Return an error's lines `wanted` and `do` for a damaged file that a stage wrote."""
     wanted = f"the file that the stage `{stage}` wrote"
     return wanted, f"make it again: `dvc repro --force {stage}`"

@@ -134,7 +134,7 @@ def _load_traces(
 
 
 def _paths_by_number(paths: list[Path]) -> dict[int, Path]:
-    """Return files by the last number in their names; FinloopError if it is missing or repeated."""
+    """Return files by the last number in their names; FinloopError for none or a repeated one."""
     by_number = dict[int, Path]()
     for path in paths:
         numbers = re.findall(r"\d+", path.stem)
@@ -151,9 +151,9 @@ def _paths_by_number(paths: list[Path]) -> dict[int, Path]:
 def _require_one_size(
     sizes: dict[tuple[int, ...], Path], size: tuple[int, ...], path: Path
 ) -> None:
-    """Add a picture's (height, width) to the known sizes; FinloopError if they then differ.
+    """Raise FinloopError if a picture has another (height, width) than those before it.
 
-    sizes: size → the first file of that size; the picture is added. path: of the picture.
+    sizes: size → the first file of that size; this picture is added. path: of the picture.
     """
     sizes.setdefault(size, path)
     if len(sizes) > 1:

@@ -24,8 +24,8 @@ _COUNTS = ("frames_repeated", "frames_dropped", "frames_missing")
 Frames = NDArray[np.intp]
 
 
-class FilmPart(NamedTuple):
-    """One of several films that are joined to one clip, and its range of frames there."""
+class JoinedFilm(NamedTuple):
+    """One of several films that are joined to one clip, and its range of frames in the clip."""
 
     name: str  # of its folder below films/
     path: str  # of its file
@@ -34,17 +34,19 @@ class FilmPart(NamedTuple):
     error: str = ""  # why it is left out; "" if it is used
 
 
-def load_readable_parts(clip: Path) -> list[FilmPart]:
-    """Return the films that the clip in folder `clip` joins, without those that are left out.
+def load_readable_films(clip: Path) -> list[JoinedFilm]:
+    """Return the films that the clip in folder `clip` joins, without those that could not be read.
 
     The list is empty for a clip of a single film.
     """
-    return [part for part in load_parts(clip) if not part.error]
+    return [part for part in load_joined_films(clip) if not part.error]
 
 
-def load_parts(clip: Path) -> list[FilmPart]:
-    """Return all films that the clip in folder `clip` was to join, also those that are left out."""
-    return load_records(clip / PARTS_NAME, FilmPart, "clip") if (clip / PARTS_NAME).exists() else []
+def load_joined_films(clip: Path) -> list[JoinedFilm]:
+    """Return all films that the clip in folder `clip` was to join, also unreadable ones."""
+    return (
+        load_records(clip / PARTS_NAME, JoinedFilm, "clip") if (clip / PARTS_NAME).exists() else []
+    )
 
 
 def list_film_folders(clip: Path) -> list[tuple[str, Path]]:
@@ -53,12 +55,12 @@ def list_film_folders(clip: Path) -> list[tuple[str, Path]]:
     Folders are relative, and the same below the folder of the clip and below that of the tracks. A
     single film has the name "" and the folder ".".
     """
-    return [(part.name, Path(FILMS) / part.name) for part in load_readable_parts(clip)] or [
+    return [(part.name, Path(FILMS) / part.name) for part in load_readable_films(clip)] or [
         ("", Path())
     ]
 
 
-def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
+def join_clips(clip: Path, parts: Sequence[JoinedFilm]) -> VideoFacts:
     """Join the clips of several films: write their common facts, arena and list of films.
 
     Return the facts of the joined clip. Its rate is the lowest of all: of a faster film some frames
@@ -79,7 +81,7 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
         )
     first_name = next(iter(facts))
     rate = min(film.frame_rate for film in facts.values())
-    placed_parts, segments = _place_parts(parts, facts, rate)
+    placed_parts, segments = _assign_frame_ranges(parts, facts, rate)
     joined = replace(
         facts[first_name],
         frames=max(part.stop for part in placed_parts),
@@ -95,15 +97,15 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     return joined
 
 
-def _place_parts(
-    parts: Sequence[FilmPart], facts: Mapping[str, VideoFacts], rate: Fraction
-) -> tuple[list[FilmPart], list[tuple[int, int]]]:
+def _assign_frame_ranges(
+    parts: Sequence[JoinedFilm], facts: Mapping[str, VideoFacts], rate: Fraction
+) -> tuple[list[JoinedFilm], list[tuple[int, int]]]:
     """Return the films, each with its range of frames in the joined clip, and the clip's segments.
 
-    A segment is a range of frames without a cut. Films that are left out get no range. facts: of
-    each film that could be read, by name. rate: frames per second of the joined clip.
+    A segment is a range of frames without a cut. Films that could not be read get no range. facts:
+    of each film that could be read, by name. rate: frames per second of the joined clip.
     """
-    placed_parts: list[FilmPart] = []
+    placed_parts: list[JoinedFilm] = []
     segments: list[tuple[int, int]] = []
     frames = 0  # of the joined clip so far
     for part in parts:

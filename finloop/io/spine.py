@@ -34,7 +34,7 @@ Json = dict[str, Any]
 
 @dataclass
 class _SlotMesh:
-    """The area or the line of a shape: vertices that move, and their triangles for some frames."""
+    """The fill or the stroke of a shape as a mesh: vertices in every frame, and triangles."""
 
     name: str
     vertices: Points  # (f, v, 2), y up; the last frame is the one after the morph's end
@@ -44,13 +44,13 @@ class _SlotMesh:
 
 
 def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> str:
-    """Write a morph as Spine JSON, with its atlas and picture beside it; say what Spine lacks.
+    """Write a morph as Spine JSON with an atlas and a picture; return what Spine cannot hold.
 
-    frame_rate: frames per second. longer_side_px is not used: the picture is scalable. The atlas
-    has the JSON's name with the ending .atlas.
+    The result is a phrase, "" if nothing is lost. frame_rate: frames per second. longer_side_px is
+    not used: the picture is scalable. The atlas has the JSON's name with the ending .atlas.
     """
     seconds = [float(frame / frame_rate) for frame in range(len(morph.tau) + 1)]
-    parts, notes = _build_parts(morph)
+    parts, notes = _build_slot_meshes(morph)
     bones: list[Json] = [{"name": "root"}]
     slots: list[Json] = []
     skin, deforms, slot_lines, bone_lines = (dict[str, Any]() for _ in range(4))
@@ -63,7 +63,7 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
             middle = first.mean(axis=0)
             poses = np.broadcast_to(first - middle, part.vertices.shape)
             bone, names, part.meshes = part.name, names[:1], part.meshes[:1]
-            bones.append({"name": bone, "parent": "root", **_xy(middle, morph.decimals)})
+            bones.append({"name": bone, "parent": "root", **_point_to_json(middle, morph.decimals)})
             if lines := _bone_timelines(*motion, seconds):
                 bone_lines[bone] = lines
         slot = {"name": part.name, "bone": bone, "color": part.colours[0], "attachment": names[0]}
@@ -80,17 +80,17 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
             }  # fmt: skip
             moves = np.round(poses[start : end + 1] - poses[start], morph.decimals) + 0.0
             if moves.any():
-                keys = [_key(seconds[start + k], vertices=v.ravel().tolist())
+                keys = [_timeline_key(seconds[start + k], vertices=v.ravel().tolist())
                         for k, v in enumerate(moves)]  # fmt: skip
                 deforms.setdefault(part.name, {})[name] = {"deform": keys}
         timelines: Json = {}
         if len(set(part.colours)) > 1:
             timelines["rgba"] = [
-                _key(time, color=c) for time, c in zip(seconds, part.colours, strict=True)
+                _timeline_key(time, color=c) for time, c in zip(seconds, part.colours, strict=True)
             ]
         if len(names) > 1:
             timelines["attachment"] = [
-                _key(seconds[start], name=name)
+                _timeline_key(seconds[start], name=name)
                 for name, (start, _, _) in zip(names, part.meshes, strict=True)
             ]
         if timelines:
@@ -98,7 +98,9 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     animation: Json = {"slots": slot_lines, "bones": bone_lines,
                        "attachments": {"default": deforms}}  # fmt: skip
     # Something lasts as long as the morph even if nothing moves.
-    animation["bones"]["root"] = {"translate": [_key(0, x=0, y=0), _key(seconds[-1], x=0, y=0)]}
+    animation["bones"]["root"] = {
+        "translate": [_timeline_key(0, x=0, y=0), _timeline_key(seconds[-1], x=0, y=0)]
+    }
     content: Json = {
         "skeleton": {"spine": VERSION, "x": 0, "y": 0, "width": morph.width,
                      "height": morph.height, "fps": float(frame_rate), "images": "./"},
@@ -116,13 +118,13 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     return "; ".join(notes)
 
 
-def _key(time: float, **values: Any) -> Json:
-    """Return a key of a Spine timeline: time in seconds, and values."""
+def _timeline_key(time: float, **values: Any) -> Json:
+    """Return a key of a Spine timeline: its time in seconds, and its values."""
     return {"time": round(time, 6), **values}
 
 
-def _xy(point: Points, decimals: int) -> Json:
-    """Return a point (2,) as Spine writes it, rounded two digits finer than the drawing."""
+def _point_to_json(point: Points, decimals: int) -> Json:
+    """Return a point (2,) for Spine, rounded to two decimals more than the drawing has."""
     x, y = np.round(point, decimals + 2).tolist()
     return {"x": x, "y": y}
 
@@ -130,8 +132,8 @@ def _xy(point: Points, decimals: int) -> Json:
 # --- what is shown: areas and lines of shapes
 
 
-def _build_parts(morph: Morph) -> tuple[list[_SlotMesh], list[str]]:
-    """Return the areas and lines of a morph's shapes, lowest first, and what Spine cannot hold."""
+def _build_slot_meshes(morph: Morph) -> tuple[list[_SlotMesh], list[str]]:
+    """Return a mesh for each fill and stroke of a morph, lowest first, and phrases on losses."""
     parts = list[_SlotMesh]()
     lost: dict[str, list[str]] = {}
     count = len(morph.tau)
@@ -159,14 +161,14 @@ def _build_parts(morph: Morph) -> tuple[list[_SlotMesh], list[str]]:
             colours = _slot_colours(shapes, frames, "fill", morph)
             parts.append(_SlotMesh(f"fill:{name}", vertices, sizes[0], meshes, colours))
         if any(paint.stroke is not None for paint in paints):
-            parts.append(_line_part(morph, shapes, frames))
+            parts.append(_build_stroke_mesh(morph, shapes, frames))
     return parts, [f"Spine has {what}: {', '.join(names)}" for what, names in lost.items()]
 
 
 def _slot_colours(
     shapes: Sequence[Shape], frames: Sequence[int], key: Literal["fill", "stroke"], morph: Morph
 ) -> list[str]:
-    """Return the colour of a shape's fill or stroke in frames, as rrggbbaa.
+    """Return the colour of a shape's fill or stroke in each of some frames, as rrggbbaa.
 
     shapes: the shape in every frame. A gradient has its mean along the contour. Where nothing is
     painted, the nearest earlier colour, or the first one, is transparent.
@@ -190,29 +192,29 @@ def _slot_colours(
     return texts
 
 
-# --- areas: triangles that no motion turns over
+# --- areas: triangles that no motion flips
 
 
 def _find_meshes(
     stack: Points, sizes: Sequence[int]
 ) -> tuple[list[tuple[int, int, Ints]], int, int]:
-    """Return triangles of contours (f, n, 2) in runs of frames, so that none turns over.
+    """Return the triangles of contours (f, n, 2) for runs of frames in which no triangle flips.
 
-    A run is its first and last frame and its triangles (t, 3), and the next one begins where it
-    ends. It lasts while its triangles keep their side, also between frames. sizes: numbers of
-    vertices. Two counts follow: frames between which and the next some triangles must turn over;
-    and frames whose contours meet, which have the triangles of the run before.
+    A run is its first and last frame and its triangles (t, 3); the next run begins where it ends. A
+    triangle flips if it changes its side, also between frames. sizes: numbers of vertices. Two
+    counts follow: frames from which to the next one some triangles must flip; and frames whose
+    contours meet, which have the triangles of the run before.
     """
     runs = list[tuple[int, int, Ints]]()
     flawed = rough = frame = 0
     last = len(stack) - 1
     while frame < last:
         triangles, is_whole = triangulate(stack[frame], sizes)
-        end = _last_frame(stack, frame, triangles) if is_whole else frame
+        end = _last_frame_without_flip(stack, frame, triangles) if is_whole else frame
         if end == frame:  # those of the next frame may lead there
             later, is_later_whole = triangulate(stack[frame + 1], sizes)
-            if is_later_whole and not _turns_over(stack[frame], stack[frame + 1], later):
-                triangles, end = later, _last_frame(stack, frame, later)
+            if is_later_whole and not _any_triangle_flips(stack[frame], stack[frame + 1], later):
+                triangles, end = later, _last_frame_without_flip(stack, frame, later)
             else:
                 end = frame + 1
                 flawed, rough = flawed + is_whole, rough + (not is_whole)
@@ -222,8 +224,8 @@ def _find_meshes(
     return runs, flawed, rough
 
 
-def _turns_over(before: Points, after: Points, triangles: Ints) -> bool:
-    """Return whether a triangle (t, 3) turns over while points (n, 2) move straight to others.
+def _any_triangle_flips(before: Points, after: Points, triangles: Ints) -> bool:
+    """Return whether any triangle (t, 3) flips while points (n, 2) move straight to others.
 
     Twice its area is a quadratic in time with the Bernstein coefficients a, b, c.
     """
@@ -233,9 +235,11 @@ def _turns_over(before: Points, after: Points, triangles: Ints) -> bool:
     return not bool(stays.all())
 
 
-def _last_frame(stack: Points, frame: int, triangles: Ints) -> int:
-    """Return up to which frame of contours (f, n, 2) no triangle (t, 3) turns over from a frame."""
-    while frame + 1 < len(stack) and not _turns_over(stack[frame], stack[frame + 1], triangles):
+def _last_frame_without_flip(stack: Points, frame: int, triangles: Ints) -> int:
+    """Return the last frame of contours (f, n, 2) up to which no triangle flips from a frame on."""
+    while frame + 1 < len(stack) and not _any_triangle_flips(
+        stack[frame], stack[frame + 1], triangles
+    ):
         frame += 1
     return frame
 
@@ -243,13 +247,13 @@ def _last_frame(stack: Points, frame: int, triangles: Ints) -> int:
 # --- lines, as areas
 
 
-def _line_part(morph: Morph, shapes: Sequence[Shape], frames: Sequence[int]) -> _SlotMesh:
-    """Return the lines of a shape, given in every frame, as a strip along each contour."""
+def _build_stroke_mesh(morph: Morph, shapes: Sequence[Shape], frames: Sequence[int]) -> _SlotMesh:
+    """Return the mesh of a shape's stroke: a strip along each contour."""
     half_widths = np.array([shapes[frame].paint.width / 2 for frame in frames])
     strips, triangles, hull, offset = list[Points](), list[Ints](), 0, 0
     for layer, closed in zip(shapes[0].layers, shapes[0].closed, strict=True):
         points = morph.layers[layer][frames] * [1, -1] + [0, morph.height]
-        strip = _outline_line(points, closed, half_widths)
+        strip = _stroke_outline(points, closed, half_widths)
         side = strip.shape[1] // 2  # vertices on the left; those on the right follow
         near = np.arange(side if closed else side - 1)
         far = (near + 1) % side
@@ -264,8 +268,8 @@ def _line_part(morph: Morph, shapes: Sequence[Shape], frames: Sequence[int]) -> 
     return _SlotMesh(name, np.concatenate(strips, axis=1), hull, [mesh], colours)
 
 
-def _outline_line(points: Points, closed: bool, half_widths: Floats) -> Points:
-    """Return the left and then the right side (f, 2 m, 2) of a line along points (f, n, 2).
+def _stroke_outline(points: Points, closed: bool, half_widths: Floats) -> Points:
+    """Return the left, then the right side (f, 2 m, 2) of a stroke along points (f, n, 2).
 
     half_widths (f,): half its width. Open lines have round ends. Corners are mitred, up to MITRE.
     """
@@ -299,9 +303,10 @@ def _outline_line(points: Points, closed: bool, half_widths: Floats) -> Points:
 
 
 def _fit_similar_motion(stack: Points, tolerance: float) -> tuple[Complex, Points] | None:
-    """Return turn and growth (f,) of vertices (f, v, 2), as complex factors, and middles (f, 2).
+    """Fit rotation, scaling and shift from the first frame to each; None if a vertex is far off.
 
-    They lead from the first frame to each. None if a vertex is farther off than a tolerance.
+    stack (f, v, 2): vertices in every frame. Rotation and scaling come back as complex factors
+    (f,), the middles of the vertices as (f, 2). tolerance: the largest error of a vertex.
     """
     middles = stack.mean(axis=1)
     z = (stack - middles[:, None]) @ [1, 1j]
@@ -311,20 +316,25 @@ def _fit_similar_motion(stack: Points, tolerance: float) -> tuple[Complex, Point
 
 
 def _bone_timelines(factors: Complex, middles: Points, seconds: Sequence[float]) -> Json:
-    """Return the timelines of a bone that turns, grows and moves; without those that do nothing.
+    """Return the timelines that rotate, move and scale a bone; those without a change are left out.
 
-    factors (f,): turn and growth, as complex numbers; middles (f, 2): its places; seconds: of keys.
+    factors (f,): rotation and scaling, as complex numbers. middles (f, 2): places of the bone.
+    seconds: of the keys.
     """
     turns = np.round(np.degrees(np.unwrap(np.angle(factors))), 6) + 0.0
     scales = np.round(abs(factors), 9)
     moves = np.round(middles - middles[0], 9) + 0.0
     lines: Json = {}
     if turns.any():
-        lines["rotate"] = [_key(t, value=v) for t, v in zip(seconds, turns.tolist(), strict=True)]
+        lines["rotate"] = [
+            _timeline_key(t, value=v) for t, v in zip(seconds, turns.tolist(), strict=True)
+        ]
     if moves.any():
         lines["translate"] = [
-            _key(t, x=x, y=y) for t, (x, y) in zip(seconds, moves.tolist(), strict=True)
+            _timeline_key(t, x=x, y=y) for t, (x, y) in zip(seconds, moves.tolist(), strict=True)
         ]
     if (scales != 1).any():
-        lines["scale"] = [_key(t, x=v, y=v) for t, v in zip(seconds, scales.tolist(), strict=True)]
+        lines["scale"] = [
+            _timeline_key(t, x=v, y=v) for t, v in zip(seconds, scales.tolist(), strict=True)
+        ]
     return lines

@@ -30,10 +30,10 @@ from finloop.io.svg_safe import load_safe_tree, read_href, use_target
 from finloop.io.svg_style import (
     UnreadableValueError,
     Values,
-    declare_styles,
     inherit_values,
     local_name,
     read_colour,
+    read_declared_styles,
     read_length,
     read_opacity,
 )
@@ -47,9 +47,9 @@ _GRADIENTS = ("linearGradient", "radialGradient")
 
 
 class _Refused(NamedTuple):
-    """What changes how a shape looks and is no contour."""
+    """A way to change how a shape looks that is refused, and what the user can do instead."""
 
-    what: str
+    what: str  # in words
     do: str
     harmless: tuple[str, ...] = ("none",)  # values that change nothing
 
@@ -84,8 +84,8 @@ _NEAREST_FOCUS = 0.99  # radii from the centre of a gradient to its focus
 _MISREAD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
 
 
-class _Surroundings(NamedTuple):
-    """What an element gets from those around it."""
+class _Context(NamedTuple):
+    """What an SVG element inherits from the elements around it: styles, transform, size."""
 
     name: str  # for shapes without an id
     groups: tuple[str, ...]  # ids of the groups around it, the nearest first
@@ -98,18 +98,18 @@ class _Surroundings(NamedTuple):
     is_moved: bool = False  # whether a transform moves it
 
 
-class _Shown(NamedTuple):
-    """A shape that a drawing shows."""
+class _ShownShape(NamedTuple):
+    """A shape that a drawing shows, with its name and its styles."""
 
     name: str
     name_is_id: bool  # whether the name is its XML id, which must not change
-    group: _Surroundings  # with its own values, matrix, opacity
+    group: _Context  # with its own values, matrix, opacity
     element: ElementTree.Element
 
 
 @dataclass(frozen=True)
 class _Document:
-    """An SVG's elements: what they state, by ids, and what is around them."""
+    """An SVG's elements with their stated properties, ids and parents."""
 
     path: Path
     declared: Mapping[ElementTree.Element, Values]
@@ -117,33 +117,36 @@ class _Document:
     parents: Mapping[ElementTree.Element, ElementTree.Element]
     idle_clips: frozenset[str]  # ids of clip paths that are the whole picture
 
-    def find_server(self, text: str) -> tuple[str, ElementTree.Element | None] | None:
-        """Return the id that a fill refers to, `url(#id)`, and its element; None for a colour."""
+    def find_paint_server(self, text: str) -> tuple[str, ElementTree.Element | None] | None:
+        """Return the id in a fill `url(#id)`, and the element with this id; None for a colour.
+
+        The element, a gradient or a pattern, is None if the file has none with this id.
+        """
         target = _fill_target(text)
         return None if target is None else (target, self.by_id.get(target) if target else None)
 
 
 def load_svg(path: Path) -> Drawing:
-    """Load the contours of an SVG file as polylines by id, in drawing order, in px of its viewport.
+    """Load an SVG file's contours as polylines by name, in drawing order, in px of its viewport.
 
-    A contour without an id takes that of the nearest group or `use` around it, else "contour"; if
-    several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is
-    no SVG that may be read, has no contour, an invalid one (see `clean_curve`), two with one id, or
-    shows anything of `_REFUSED` or a value that cannot be read.
+    The name is the id. A contour without an id takes that of the nearest group or `use` around it,
+    else "contour"; if several would share such a name, they are numbered: `eye`, `eye-2`.
+    FinloopError if the file is no SVG that may be read, has no contour, an invalid one (see
+    `clean_curve`), two with one id, or shows anything of `_REFUSED` or a value that cannot be read.
     """
     root = load_safe_tree(path)
     problems = _Problems(path)
     try:
         document = _Document(
             path,
-            declare_styles(path, root),
+            read_declared_styles(path, root),
             {element.get("id", ""): element for element in reversed(list(root.iter()))},
             {child: parent for parent in root.iter() for child in parent},
             frozenset(_find_idle_clips(root)),
         )
-        size, top = _open_picture(root)
+        size, top = _read_root(root)
         shown = list(_shown_shapes(document, root, top, problems))
-        problems.look_at(document, shown)
+        problems.add_refused_features(document, shown)
         tolerance_px = FLATNESS * max(size)
         by_name = dict[str, tuple[Curve, Paint | None, tuple[str, ...]]]()
         for name, item in zip(_unique_names(path, shown), shown, strict=True):
@@ -165,7 +168,7 @@ def load_svg(path: Path) -> Drawing:
             "an SVG whose paths and transforms follow the standard",
             "open it in a drawing program and save it as plain SVG",
         ) from error
-    problems.raise_all()
+    problems.raise_if_any()
     if not by_name:
         raise FinloopError(
             f"{path} has no contour",
@@ -198,7 +201,7 @@ def load_svg(path: Path) -> Drawing:
 
 
 class _Problems:
-    """What a drawing shows and cannot be read, all of it for one message."""
+    """Collects all that a drawing shows and finloop cannot read, for a single error message."""
 
     def __init__(self, path: Path) -> None:
         """Begin without problems; path: of the file."""
@@ -208,27 +211,29 @@ class _Problems:
         self._shape = ""
 
     def collect(self, shape: str) -> "_Problems":
-        """Return a context in which unreadable values are those of a shape."""
+        """Return a context manager that keeps unreadable values as problems of a shape."""
         self._shape = shape
         return self
 
     def __enter__(self) -> None:
-        """Begin with a shape."""
+        """Begin to collect the problems of a shape."""
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        """Keep a value that cannot be read, and go on."""
+        """Keep the error of a value that cannot be read, and go on after the block."""
         if isinstance(error, UnreadableValueError):
             self._unreadable.append(f"{error} ({self._shape!r})")
             return True
         return False
 
-    def look_at(self, document: _Document, shown: list[_Shown]) -> None:
-        """Find what of `_REFUSED` shapes show."""
+    def add_refused_features(self, document: _Document, shown: list[_ShownShape]) -> None:
+        """Add the features of `_REFUSED`, such as clip paths and masks, that shapes show."""
         for item in shown:
             values, kinds = item.group.values, set(item.group.refused)
             if any(values.get(key, "none") != "none" for key in _MARKERS):
                 kinds.add("marker")
-            servers = [document.find_server(values.get(key, "")) for key in ("fill", "stroke")]
+            servers = [
+                document.find_paint_server(values.get(key, "")) for key in ("fill", "stroke")
+            ]
             if any(found and found[1] is not None and local_name(found[1]) == "pattern"
                    for found in servers):  # fmt: skip
                 kinds.add("pattern")
@@ -237,8 +242,8 @@ class _Problems:
             for kind in kinds:
                 self._names.setdefault(kind, []).append(item.name)
 
-    def raise_all(self) -> None:
-        """Raise FinloopError if there is any problem."""
+    def raise_if_any(self) -> None:
+        """Raise one FinloopError with all problems, if there are any."""
         said, advice = list[str](), list[str]()
         for kind, (what, do, _) in _REFUSED.items():
             if names := list(dict.fromkeys(self._names.get(kind, []))):
@@ -260,7 +265,10 @@ class _Problems:
 
 
 def _find_idle_clips(root: ElementTree.Element) -> Iterator[str]:
-    """Yield the ids of clip paths that are the whole picture, as Figma and Illustrator write."""
+    """Yield the ids of clip paths that cover the whole picture, and so clip nothing.
+
+    Figma and Illustrator write them.
+    """
     box = root.get("viewBox") or f"0 0 {root.get('width')} {root.get('height')}"
     for clip in (element for element in root.iter() if local_name(element) == "clipPath"):
         rect = clip[0] if len(clip) == 1 and local_name(clip[0]) == "rect" else None
@@ -277,7 +285,7 @@ def _find_idle_clips(root: ElementTree.Element) -> Iterator[str]:
 # --- names
 
 
-def _unique_names(path: Path, shown: list[_Shown]) -> list[str]:
+def _unique_names(path: Path, shown: list[_ShownShape]) -> list[str]:
     """Return a unique name for each shape; names that are XML ids do not change.
 
     Of other names, the second and later ones get a number: eye, eye-2. path: of the file, for
@@ -309,8 +317,8 @@ def _decode_id(text: str) -> str:
 # --- elements
 
 
-def _open_picture(root: ElementTree.Element) -> tuple[tuple[float, float], _Surroundings]:
-    """Return width and height of the picture, px, and what its root gives its elements."""
+def _read_root(root: ElementTree.Element) -> tuple[tuple[float, float], _Context]:
+    """Return the picture's width and height [px], and the context of the root's children."""
     box = _read_view_box(root)
     width, height = (
         None if text is None or (box is None and text.strip().endswith("%"))
@@ -319,14 +327,14 @@ def _open_picture(root: ElementTree.Element) -> tuple[tuple[float, float], _Surr
     )  # fmt: skip
     if box is None:
         size = width or 1.0, height or 1.0
-        return size, _Surroundings("contour", (), {}, svg.Matrix(), size)
+        return size, _Context("contour", (), {}, svg.Matrix(), size)
     across, down = box[2:]
     if width is None:
         width = across if height is None else height * across / down
     if height is None:
         height = width * down / across
     matrix = _fit_box(box, (0.0, 0.0, width, height), root)
-    return (width, height), _Surroundings("contour", (), {}, matrix, (across, down))
+    return (width, height), _Context("contour", (), {}, matrix, (across, down))
 
 
 def _read_view_box(element: ElementTree.Element) -> tuple[float, float, float, float] | None:
@@ -344,18 +352,18 @@ def _fit_box(
     box: tuple[float, float, float, float], place: tuple[float, float, float, float],
     element: ElementTree.Element,
 ) -> Any:  # fmt: skip
-    """Return the matrix that puts a viewBox into a place: x, y, width, height."""
+    """Return the matrix that maps a viewBox onto a rectangle: x, y, width, height."""
     aspect = " ".join(element.get("preserveAspectRatio", "xMidYMid").split())
     return svg.Matrix(svg.Viewbox.viewbox_transform(*place, *box, aspect))
 
 
 def _shown_shapes(
-    document: _Document, element: ElementTree.Element, around: _Surroundings, problems: _Problems,
+    document: _Document, element: ElementTree.Element, around: _Context, problems: _Problems,
     place: tuple[float, float] | None = None,
-) -> Iterator[_Shown]:  # fmt: skip
-    """Yield every shape that an element shows; around: what is around it.
+) -> Iterator[_ShownShape]:  # fmt: skip
+    """Yield every shape that an element and its descendants show.
 
-    place: width and height that a `use` gives to a viewport.
+    around: the context of the element. place: width and height that a `use` gives to a viewport.
     """
     tag = local_name(element)
     if tag not in (*_GROUPS, *_SHAPES, "use", "switch", "text", "symbol"):
@@ -363,18 +371,20 @@ def _shown_shapes(
     own_id = _decode_id(element.get("id", ""))
     name = own_id or around.name
     with problems.collect(name):
-        group = _enter(document, element, around)
+        group = _child_context(document, element, around)
         if group.values.get("display") == "none":
             return
         if tag == "text":
             words = "".join(element.itertext()).strip()
             if words and group.values.get("visibility") not in ("hidden", "collapse"):
                 refused = group.refused | {"text"}
-                yield _Shown(own_id or words[:20], False, group._replace(refused=refused), element)
+                yield _ShownShape(
+                    own_id or words[:20], False, group._replace(refused=refused), element
+                )
         elif tag in _SHAPES:
             if group.values.get("visibility") not in ("hidden", "collapse"):
                 is_id = bool(own_id) and not group.is_used
-                yield _Shown(name, is_id, group, element)
+                yield _ShownShape(name, is_id, group, element)
         else:
             is_root = element not in document.parents
             if own_id and not is_root:
@@ -383,7 +393,7 @@ def _shown_shapes(
                 yield from _used_shapes(document, element, group, problems)
                 return
             if tag in ("svg", "symbol") and not is_root:
-                group = _open_viewport(element, group, place)
+                group = _viewport_context(element, group, place)
             children = list(element)
             if tag == "switch":
                 children = [
@@ -394,10 +404,8 @@ def _shown_shapes(
                     yield from _shown_shapes(document, child, group, problems)
 
 
-def _enter(
-    document: _Document, element: ElementTree.Element, around: _Surroundings
-) -> _Surroundings:
-    """Return what an element gives to what is in it: values, matrix, opacity, what is refused."""
+def _child_context(document: _Document, element: ElementTree.Element, around: _Context) -> _Context:
+    """Return the context of an element's children: styles, matrix, opacity, refused features."""
     values = inherit_values(document.declared[element], around.values)
     refused = set(around.refused)
     for key, (_, _, harmless) in _REFUSED.items():
@@ -417,9 +425,9 @@ def _enter(
 
 
 def _used_shapes(
-    document: _Document, element: ElementTree.Element, group: _Surroundings, problems: _Problems
-) -> Iterator[_Shown]:
-    """Yield the shapes that a `use` shows; their ids stand elsewhere in the file."""
+    document: _Document, element: ElementTree.Element, group: _Context, problems: _Problems
+) -> Iterator[_ShownShape]:
+    """Yield the shapes that a `use` element shows; their ids stand elsewhere in the file."""
     target_id = use_target(document.path, element)
     target = document.by_id.get(target_id) if target_id else None
     if target is None:
@@ -438,10 +446,13 @@ def _used_shapes(
         yield part._replace(name=own_id or part.name, name_is_id=False)
 
 
-def _open_viewport(
-    element: ElementTree.Element, group: _Surroundings, place: tuple[float, float] | None
-) -> _Surroundings:
-    """Return what a nested `svg` or a symbol gives to what is in it; place: its size in a `use`."""
+def _viewport_context(
+    element: ElementTree.Element, group: _Context, place: tuple[float, float] | None
+) -> _Context:
+    """Return the context of the children of a nested `svg` or a `symbol`, which have a viewport.
+
+    place: width and height that a `use` gives to the viewport.
+    """
     x, y = 0.0, 0.0
     if local_name(element) == "svg":
         x, y = (read_length(key, element.get(key, "0"), size)
@@ -459,7 +470,7 @@ def _open_viewport(
 
 
 def _read_transform(key: str, text: str) -> Any:
-    """Return a transform as a matrix; UnreadableValueError if it is none, or not finite."""
+    """Return an SVG transform as a matrix; UnreadableValueError if invalid or not finite."""
     if text in ("", "none"):
         return svg.Matrix()
     try:
@@ -477,9 +488,9 @@ def _read_transform(key: str, text: str) -> Any:
 
 
 def _read_contours(
-    document: _Document, item: _Shown, tolerance_px: float
+    document: _Document, item: _ShownShape, tolerance_px: float
 ) -> Iterator[tuple[Curve, Paint | None]]:
-    """Yield every contour of a shape that a drawing shows, and how it is painted."""
+    """Yield every contour of a shown shape, and the shape's fill and stroke."""
     shape = _read_shape(item.element, item.group.size)
     if shape is None:
         return
@@ -491,21 +502,21 @@ def _read_contours(
 
 
 def _read_shape(element: ElementTree.Element, size: tuple[float, float]) -> Any:
-    """Return a shape as svgelements has it, in its own coordinates; None if nothing is drawn.
+    """Convert an SVG element to a shape of svgelements; None if the element draws nothing.
 
-    size: of the viewport.
+    The shape is in the element's own coordinates. size: of the viewport.
     """
     tag = local_name(element)
     diagonal = float(np.hypot(*size) / np.sqrt(2))
 
     def length(key: str, usual: str = "0") -> float:
-        """Return an attribute that is a length along x, along y, or neither (r)."""
+        """Return an attribute in px; 100 % is the viewport's width, height or mean side."""
         along = {"x": size[0], "w": size[0], "y": size[1], "h": size[1]}
         which = key[1] if key[0] in "cr" and len(key) > 1 else key[0]
         return read_length(key, element.get(key, usual), along.get(which, diagonal))
 
     def radius(key: str, other: str) -> float | None:
-        """Return the radius of a rounded corner; None if none is stated."""
+        """Return the radius of a rounded corner [px]; None if none is stated."""
         known = {name for name in (key, other) if element.get(name, "auto") != "auto"}
         return length(key if key in known else other) if known else None
 
@@ -537,7 +548,7 @@ def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:
     pieces: list[Points] = []
     previous: Any = None
     for segment in [*shape.segments(), svg.Move(0j)]:  # the added move ends the last contour
-        _correct_smooth_control(previous, segment)
+        _set_smooth_control_point(previous, segment)
         previous = segment
         if isinstance(segment, svg.Move) and pieces:
             points = np.concatenate(pieces)
@@ -551,7 +562,7 @@ def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:
             pieces.append(_polyline(segment, tolerance_px))
 
 
-def _correct_smooth_control(previous: Any, segment: Any) -> None:
+def _set_smooth_control_point(previous: Any, segment: Any) -> None:
     """Set the first control point of a smooth SVG segment (S or T) as the standard says.
 
     The point mirrors the last control point of the previous segment if both are of the same kind;
@@ -622,10 +633,10 @@ def _to_points(*points: Any) -> Points:
 # --- styles
 
 
-def _read_paint(document: _Document, group: _Surroundings, shape: Any) -> Paint | None:
-    """Return how a shape is painted, in px of the viewport; None if nothing paints it.
+def _read_paint(document: _Document, group: _Context, shape: Any) -> Paint | None:
+    """Return a shape's fill, stroke, opacities, width and dashes, in px; None if nothing paints it.
 
-    group: its values, matrix and opacity; shape: in its own coordinates.
+    group: its styles, matrix and opacity. shape: in its own coordinates.
     """
     values = group.values
     matrix = group.matrix
@@ -657,12 +668,15 @@ def _read_paint(document: _Document, group: _Surroundings, shape: Any) -> Paint 
 
 
 def _read_fill(
-    document: _Document, group: _Surroundings, shape: Any, key: str, usual: str
+    document: _Document, group: _Context, shape: Any, key: str, usual: str
 ) -> tuple[Fill, float]:
-    """Return a shape's fill or stroke, which key says, and its opacity; usual: the usual value."""
+    """Return the fill, or the stroke, of a shape, and its opacity, 0 … 1.
+
+    key: "fill" or "stroke". usual: the value where none is stated.
+    """
     text = group.values.get(key, usual)
     opacity = read_opacity(f"{key}-opacity", group.values.get(f"{key}-opacity", "1"))
-    if server := document.find_server(text):
+    if server := document.find_paint_server(text):
         if server[1] is not None and local_name(server[1]) in _GRADIENTS:
             return _read_gradient(document, server[0], group, shape), opacity
         text = text.partition(")")[2].strip() or "none"  # the colour in place of what is missing
@@ -673,21 +687,19 @@ def _read_fill(
 
 
 def _fill_target(text: str) -> str | None:
-    """Return the id that a fill or stroke refers to: of `url(#id)`; None if it is a colour.
+    """Return the id in a fill or stroke `url(#id)`; None if the text is no such reference.
 
-    It is "" if it refers to another file.
+    The id is "" if the reference leads to another file.
     """
     found = re.match(r"url\(([^)]*)\)", text)
     target = found[1].strip(" \t\r\n\"'") if found else ""
     return (target[1:] if target.startswith("#") else "") if found else None
 
 
-def _read_gradient(
-    document: _Document, name: str, group: _Surroundings, shape: Any
-) -> Gradient | None:
-    """Return the gradient with an id as it fills a shape; None if it paints nothing.
+def _read_gradient(document: _Document, name: str, group: _Context, shape: Any) -> Gradient | None:
+    """Return the gradient with an id, in px, as it fills a shape; None if it paints nothing.
 
-    It has the attributes and stops of the gradient that it refers to, where it states none.
+    Attributes and stops that it does not state come from the gradient to which it refers.
     """
     chain, reference = list[ElementTree.Element](), name
     while reference and (element := document.by_id.get(reference)) is not None:
@@ -711,7 +723,7 @@ def _read_gradient(
     width, height = (1.0, 1.0) if in_box else group.size
 
     def coordinate(key: str, usual: str) -> float:
-        """Return an attribute that is a length along x, along y, or neither (r)."""
+        """Return an attribute as a number; 100 % is the width, the height or the mean side."""
         text = stated.get(key, usual).strip()
         diagonal = float(np.hypot(width, height) / np.sqrt(2))
         whole = {"x": width, "y": height}.get(key.strip("cf12"), diagonal)
@@ -738,7 +750,7 @@ def _read_gradient(
 
 
 def _read_stops(document: _Document, gradient: ElementTree.Element) -> tuple[Stop, ...]:
-    """Return the stops of a gradient; FinloopError if there are too many."""
+    """Return the colour stops of a gradient; FinloopError if there are too many."""
     around, values = [gradient], Values()
     while around[-1] in document.parents:
         around.append(document.parents[around[-1]])
@@ -754,22 +766,22 @@ def _read_stops(document: _Document, gradient: ElementTree.Element) -> tuple[Sto
         offset = read_opacity("offset", element.get("offset", "0"))  # a share, 0 … 1, too
         offset = max(offset, stops[-1].offset) if stops else offset
         stops.append(Stop(offset, colour, opacity))
-    _refuse_many("a gradient", len(stops), "stops")
+    _refuse_too_many_parts("a gradient", len(stops), "stops")
     return tuple(stops)
 
 
 def _read_dashes(
     values: Mapping[str, str], own_width: float, scale: float, diagonal: float
 ) -> tuple[tuple[float, ...], float, bool]:
-    """Return a shape's dashes and gaps, px, their offset, and whether their ends are round.
+    """Return a stroke's dash and gap lengths [px], their offset [px], and whether caps are round.
 
-    own_width: of its stroke, in its own units; scale: px in such a unit; diagonal: what 100 % is.
-    Square ends make dashes longer by the width, and gaps shorter.
+    own_width: of the stroke, in its own units. scale: px in such a unit. diagonal: what 100 % is.
+    Square caps make dashes longer by the width, and gaps shorter.
     """
     texts = re.split(r"[\s,]+", values.get("stroke-dasharray", "").strip())
     if texts in ([""], ["none"]):
         return (), 0.0, False
-    _refuse_many("a dashed line", len(texts), "lengths")
+    _refuse_too_many_parts("a dashed line", len(texts), "lengths")
     lengths = [scale * read_length("stroke-dasharray", text, diagonal) for text in texts]
     stated_offset = values.get("stroke-dashoffset", "0")
     offset = scale * read_length("stroke-dashoffset", stated_offset, diagonal)
@@ -786,7 +798,7 @@ def _read_dashes(
     return tuple(lengths), offset, ends == "round"
 
 
-def _refuse_many(what: str, count: int, parts: str) -> None:
-    """Raise FinloopError if something has more than _MOST_PARTS parts."""
+def _refuse_too_many_parts(what: str, count: int, parts: str) -> None:
+    """Raise FinloopError if a gradient or a line has more parts than `_MOST_PARTS`."""
     if count > _MOST_PARTS:
         raise FinloopError(f"{what} of {count} {parts}", f"at most {_MOST_PARTS}", "simplify it")

@@ -85,7 +85,7 @@ def _refuse_entities(path: Path, data: bytes) -> None:
 
 
 def use_target(path: Path, element: ElementTree.Element) -> str | None:
-    """Return the id of the shape that an XML element shows; None unless it is a `use` with one.
+    """Return the id that a `use` element refers to; None for other elements, or if it has none.
 
     path: of the SVG, for messages. FinloopError if the shape is in another file.
     """
@@ -102,7 +102,7 @@ def use_target(path: Path, element: ElementTree.Element) -> str | None:
 
 
 def read_href(element: ElementTree.Element) -> str:
-    """Return what an XML element refers to, such as "#id"; "" if nothing."""
+    """Return an XML element's reference (href), such as "#id"; "" if it has none."""
     return next((text for name in _HREFS if (text := element.get(name, "").strip())), "")
 
 

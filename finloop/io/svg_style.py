@@ -44,21 +44,24 @@ _UNITS = {"": 1.0, "px": 1.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "q":
 
 
 class UnreadableValueError(ValueError):
-    """A value of a property that cannot be read; its text is the property and the value."""
+    """Error of a property whose value cannot be read; its text is both."""
 
 
 # --- the cascade
 
 
-def declare_styles(path: Path, root: ElementTree.Element) -> dict[ElementTree.Element, Values]:
-    """Return what every element of a tree states itself: attributes, then style sheets, `style`.
+def read_declared_styles(
+    path: Path, root: ElementTree.Element
+) -> dict[ElementTree.Element, Values]:
+    """Return the properties that each element of an SVG tree states itself.
 
-    path: of the file, for messages. FinloopError if the style sheets are too long, too complex, or
-    have selectors that look at siblings.
+    They come from attributes, then style sheets, then `style`; inherited ones are left out. path:
+    of the file, for messages. FinloopError if the style sheets are too long, too complex, or have
+    selectors that look at siblings.
     """
     sheets = [element.text or "" for element in root.iter() if local_name(element) == "style"]
     matcher = _read_sheets(path, sheets, _count_by_depth(root))
-    styles = {text: _read_declarations(text) for text in _style_attributes(path, root)}
+    styles = {text: _read_declarations(text) for text in _distinct_style_attributes(path, root)}
     declared = dict[ElementTree.Element, Values]()
     for wrapper in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
         element: ElementTree.Element = wrapper.etree_element
@@ -76,8 +79,8 @@ def declare_styles(path: Path, root: ElementTree.Element) -> dict[ElementTree.El
     return declared
 
 
-def _style_attributes(path: Path, root: ElementTree.Element) -> set[str]:
-    """Return the different `style` attributes of a tree; FinloopError if they are too long."""
+def _distinct_style_attributes(path: Path, root: ElementTree.Element) -> set[str]:
+    """Return the distinct `style` attributes in an SVG tree; FinloopError if they are too long."""
     texts = {element.get("style", "") for element in root.iter()}
     if (characters := sum(map(len, texts))) > MOST_ATTRIBUTES:
         raise FinloopError(
@@ -98,7 +101,10 @@ def _count_by_depth(root: ElementTree.Element) -> list[int]:
 
 
 def _read_sheets(path: Path, sheets: Sequence[str], counts: Sequence[int]) -> cssselect2.Matcher:
-    """Return a matcher of the rules of style sheets; counts: of elements at each depth."""
+    """Return a matcher that finds, for an element, the matching rules of some style sheets.
+
+    counts: number of elements at each depth of the tree. path: of the file, for messages.
+    """
     if (characters := sum(map(len, sheets))) > MOST_STYLE:
         raise FinloopError(
             f"{path} has style sheets of {characters / 1024:.0f} KiB",
@@ -114,7 +120,7 @@ def _read_sheets(path: Path, sheets: Sequence[str], counts: Sequence[int]) -> cs
                 selectors = cssselect2.compile_selector_list(rule.prelude)
             except cssselect2.SelectorError:
                 continue  # as CSS says
-            steps = _count_steps(path, rule.prelude)
+            steps = _count_selector_steps(path, rule.prelude)
             work += len(selectors) * sum(
                 count * max(1, depth) ** steps for depth, count in enumerate(counts)
             )
@@ -130,8 +136,8 @@ def _read_sheets(path: Path, sheets: Sequence[str], counts: Sequence[int]) -> cs
     return matcher
 
 
-def _count_steps(path: Path, prelude: Sequence[tinycss2.ast.Node]) -> int:
-    """Return how many steps to other elements selectors have at most, as in `g > .eye path`: 2.
+def _count_selector_steps(path: Path, prelude: Sequence[tinycss2.ast.Node]) -> int:
+    """Return the largest number of ancestor steps in a rule's selectors: 2 for `g > .eye path`.
 
     FinloopError for selectors that look at siblings, or at what is in elements.
     """
@@ -146,7 +152,7 @@ def _count_steps(path: Path, prelude: Sequence[tinycss2.ast.Node]) -> int:
 
 
 def _read_declarations(text: str | Sequence[tinycss2.ast.Node]) -> tuple[Values, Values]:
-    """Return the properties that declarations state, and those that they call important."""
+    """Return the properties that CSS declarations state, in two: usual and important ones."""
     usual, important = Values(), Values()
     for declaration in tinycss2.parse_blocks_contents(text) if text else ():
         if declaration.type == "declaration":
@@ -166,7 +172,7 @@ def local_name(element: ElementTree.Element) -> str:
 
 
 def inherit_values(declared: Mapping[str, str], parent: Mapping[str, str]) -> Values:
-    """Return the values of an element: what it declares, and what it inherits from its parent."""
+    """Return the properties of an element: its declared ones, and those inherited."""
     values = {key: text for key, text in parent.items() if key in INHERITED or key.startswith("--")}
     values |= {key: text for key, text in declared.items() if key.startswith("--")}
     variables = _Variables(values)
@@ -174,7 +180,7 @@ def inherit_values(declared: Mapping[str, str], parent: Mapping[str, str]) -> Va
     for key, text in declared.items():
         if key.startswith("--"):
             continue
-        text = variables.fill_in(text).strip()
+        text = variables.replace_variables(text).strip()
         word = text.lower()
         if word in ("unset", "revert", "revert-layer"):
             word = "inherit" if key in INHERITED else "initial"
@@ -188,34 +194,34 @@ def inherit_values(declared: Mapping[str, str], parent: Mapping[str, str]) -> Va
 
 
 class _Variables:
-    """Variables of an element, put into values where `var(--name)` stands."""
+    """CSS variables of an element, which replace `var(--name)` in values."""
 
     def __init__(self, texts: Mapping[str, str]) -> None:
-        """Know the variables by their names, as they are written."""
+        """Keep the variables by name; their values may use other variables."""
         self._texts = texts
         self._known = Values()
         self._unfinished = set[str]()
 
     def resolve(self, name: str) -> str:
-        """Return the value of a variable; it keeps `var` where another one does not exist."""
+        """Return the value of a variable; `var(…)` stays where another variable does not exist."""
         if name not in self._known:
             self._unfinished.add(name)
-            self._known[name] = self.fill_in(self._texts[name])
+            self._known[name] = self.replace_variables(self._texts[name])
             self._unfinished.discard(name)
         return self._known[name]
 
-    def fill_in(self, text: str) -> str:
-        """Return a value with variables put in; UnreadableValueError if it becomes too long."""
+    def replace_variables(self, text: str) -> str:
+        """Return a value with its variables replaced; UnreadableValueError if it gets too long."""
         if "var(" not in text:
             return text
-        parts = list(self._parts(tinycss2.parse_component_value_list(text)))
+        parts = list(self._replaced_parts(tinycss2.parse_component_value_list(text)))
         filled = "".join(parts)
         if len(filled) > MOST_VALUE:
             raise UnreadableValueError(f"{text[:100]!r}, of more than {MOST_VALUE} characters")
         return filled
 
-    def _parts(self, tokens: Sequence[tinycss2.ast.Node]) -> Iterator[str]:
-        """Yield the parts of a value."""
+    def _replaced_parts(self, tokens: Sequence[tinycss2.ast.Node]) -> Iterator[str]:
+        """Yield the parts of a value, with variables replaced, as texts to be joined."""
         for token in tokens:
             if token.type == "function" and token.lower_name == "var":
                 name = next((part.value for part in token.arguments if part.type == "ident"), "")
@@ -223,12 +229,12 @@ class _Variables:
                 if name in self._texts and name not in self._unfinished:
                     yield self.resolve(name)
                 elif comma is not None:
-                    yield from self._parts(token.arguments[comma + 1 :])
+                    yield from self._replaced_parts(token.arguments[comma + 1 :])
                 else:
                     yield tinycss2.serialize([token])
             elif token.type == "function":
                 yield f"{token.name}("
-                yield from self._parts(token.arguments)
+                yield from self._replaced_parts(token.arguments)
                 yield ")"
             else:
                 yield tinycss2.serialize([token])

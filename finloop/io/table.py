@@ -39,7 +39,7 @@ def arrow_schema(schema: Schema) -> pa.Schema:
 
 
 def parquet_coding(schema: Schema) -> dict[str, Any]:
-    """Return keyword arguments for pyarrow's Parquet writers: how each column is compressed.
+    """Return keyword arguments for pyarrow's Parquet writers that say how columns are compressed.
 
     Measured floats rarely repeat: a dictionary of their values would take three quarters of the
     writing time. Splitting their bytes into streams halves their size.
@@ -87,7 +87,7 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
 
 
 def apply_schema(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
-    """Return a data frame as saving it and loading it would; FinloopError if it does not fit."""
+    """Return a data frame as it is after saving and loading; FinloopError if it does not fit."""
     return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
 
@@ -203,7 +203,7 @@ def _describe_column(column: Column) -> str:
 
 
 def _name_problems(names: list[str], schema: Schema) -> list[str]:
-    """Return a message for each column that is missing, or not in the schema."""
+    """Return a message for each column that is missing, or unknown to the schema."""
     missing = [f"{name}: missing" for name in schema.names if name not in names]
     return missing + [f"{name}: not in the schema" for name in names if name not in schema.names]
 
@@ -234,12 +234,12 @@ def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
 
 
 def _cast_list(numbers: np.ndarray, list_type: pa.DataType) -> pa.Array:
-    """Return numbers (n,) in the type of a list's numbers; ArrowInvalid if that changes them."""
+    """Cast numbers (n,) to the number type of an Arrow list; ArrowInvalid if that changes them."""
     return pa.array(numbers).cast(list_type.value_type)
 
 
 def _null_problems(array: pa.Array, column: Column) -> list[str]:
-    """Return a message if a column that must be full has null or NaN cells; else no message."""
+    """Return a message if a column that must be full has null or NaN cells, else an empty list."""
     if column.nullable:
         return []
     count = array.null_count

@@ -46,7 +46,7 @@ def find_cache_folder() -> Path:
 
 
 def fetch_zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
-    """Return the paths of the zebrafish clips in `folder`; download them if it lacks one.
+    """Return the paths of the zebrafish clips in a folder; download them if one is missing.
 
     parts: which clips, "A", "B" or both. FinloopError if the package cannot be downloaded, does not
     hold the known clips, or the folder cannot be written.

@@ -76,7 +76,7 @@ def list_films(path: str) -> list[Path]:
 
 
 def _films_in_folder(folder: Path) -> list[Path]:
-    """Return the films and folders of pictures in a folder, in natural order.
+    """Return a folder's films and subfolders of pictures, in natural order.
 
     The list is empty if it holds pictures and no films: then it is a folder of pictures itself.
     """

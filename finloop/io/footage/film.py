@@ -196,7 +196,7 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         if (frame.width, frame.height) != (first.width, first.height):
             continue  # `_read_film_frames` reports it
         quantisers += _measure_quantisers(frame)
-        if _is_deep(frame):
+        if _has_deep_levels(frame):
             deep.append(thin_frame(frame.to_ndarray(format="rgb48le")))
             continue
         rgb = thin_frame(_convert_to_rgb(frame, full_range=False, levels=None))
@@ -224,8 +224,8 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
     )
 
 
-def _is_deep(frame: VideoFrame) -> bool:
-    """Return whether a frame is grey or RGB of more than 8 bits.
+def _has_deep_levels(frame: VideoFrame) -> bool:
+    """Return whether a frame is grey or RGB with more than 8 bits for each value.
 
     Its file does not state how many of them the camera fills, unlike one of YUV.
     """
@@ -241,7 +241,7 @@ def _measure_outside_fraction(frame: VideoFrame) -> float:
 
 
 def _measure_quantisers(frame: VideoFrame) -> list[float]:
-    """Return the mean quantiser of a frame in H.264, as a list; [] for other codes.
+    """Return an H.264 frame's mean quantiser in a list of one item; [] for other codecs.
 
     The quantiser says how coarsely the frame is coded: 0 is without loss, 51 is worst.
     """
@@ -253,7 +253,7 @@ def _measure_quantisers(frame: VideoFrame) -> list[float]:
 
 
 def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
-    """Yield decoded frames spread over a film; its first frames if the film cannot be sought.
+    """Yield decoded frames spread over a film; its first frames if the film is not seekable.
 
     stamps: times of all frames [s], ascending.
     """
@@ -384,31 +384,31 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
 
 
 def _sample_film(footage: Footage, length: int) -> Iterator[list[np.ndarray]]:
-    """Yield stretches of `length` frames, spread over a film's range of time.
+    """Yield runs of `length` consecutive frames, spread over a film's range of time.
 
-    It is the `sampler` of a film's `Footage`. Each begins at another key frame, which decodes at
-    once. A film with few key frames, or that cannot be sought, is decoded to its end.
+    It is the `sampler` of a film's `Footage`. Each run begins at another key frame, which decodes
+    at once. A film with few key frames, or that is not seekable, is decoded to its end.
     """
     with open_stream(footage.path) as (container, stream):
-        if (stretches := _read_from_key_frames(container, stream, footage, length)) is not None:
-            yield from stretches
+        if (runs := _read_from_key_frames(container, stream, footage, length)) is not None:
+            yield from runs
             return
     starts = np.linspace(0, footage.frames_expected - length, STRETCHES).astype(int)
-    stretch: list[np.ndarray] = []
+    run: list[np.ndarray] = []
     for number, (_, (_, picture)) in enumerate(footage.stream_numbered(LostFrames())):
         if (starts <= number).any() and number < starts[starts <= number][-1] + length:
-            stretch.append(picture.copy())
-        if len(stretch) == length:
-            yield stretch
-            stretch = []
+            run.append(picture.copy())
+        if len(run) == length:
+            yield run
+            run = []
 
 
 def _read_from_key_frames(
     container: InputContainer, stream: VideoStream, footage: Footage, length: int
 ) -> list[list[np.ndarray]] | None:
-    """Return stretches of a film that begin at key frames; None if it has too few of them.
+    """Return runs of consecutive frames that begin at key frames; None if the film has too few.
 
-    length: of each stretch, in frames.
+    length: of each run, in frames.
     """
     time_base_s = float(stream.time_base or 1)
     # Shares of the film hold for its stamps, too, if the user has given another rate.
@@ -416,7 +416,7 @@ def _read_from_key_frames(
     first, last = footage.start_s / whole_s, min(1.0, footage.end_s / whole_s)
     length_s = (container.duration or 0) / av.time_base  # not every stream states its own
     start, ticks = footage.stamp_s / time_base_s, length_s / time_base_s
-    stretches: list[list[np.ndarray]] = []
+    runs: list[list[np.ndarray]] = []
     passed = -math.inf
     for share in np.linspace(first, last, STRETCHES, endpoint=False):
         try:
@@ -426,23 +426,23 @@ def _read_from_key_frames(
         frames = _decode_film(container, stream)
         if footage.fields:
             frames = _deinterlace(frames, stream, footage.fields)
-        stretch: list[np.ndarray] = []
+        run: list[np.ndarray] = []
         for frame in frames:
             if frame is None or (frame.width, frame.height) != footage.coded_size:
                 continue
-            stamp = passed if frame.pts is None and stretch else frame.pts
+            stamp = passed if frame.pts is None and run else frame.pts
             if stamp is None:
                 continue
-            if (stamp <= passed and not stretch) or stamp >= start + last * ticks:
-                break  # the key frame of the stretch before, again; or the end
+            if (stamp <= passed and not run) or stamp >= start + last * ticks:
+                break  # the key frame of the run before, again; or the end
             if stamp >= start + first * ticks:
                 passed = stamp
-                stretch.append(_upright_picture(footage, frame).copy())
-                if len(stretch) == length:
+                run.append(_upright_picture(footage, frame).copy())
+                if len(run) == length:
                     break
-        if stretch:
-            stretches.append(stretch)
-    return stretches if 2 * len(stretches) > STRETCHES else None
+        if run:
+            runs.append(run)
+    return runs if 2 * len(runs) > STRETCHES else None
 
 
 def _upright_picture(footage: Footage, frame: VideoFrame) -> np.ndarray:
@@ -463,7 +463,7 @@ def _upright_picture(footage: Footage, frame: VideoFrame) -> np.ndarray:
 def _time_good_frames(
     frames: Iterable[VideoFrame | None], stream: VideoStream, footage: Footage, loss: LostFrames
 ) -> Iterator[tuple[float, int, VideoFrame]]:
-    """Yield (time [s], number, frame) for each decoded frame that is not damaged (None).
+    """Yield (time [s], number, frame) for each undamaged frame among decoded ones.
 
     The number counts all frames from the first one given, damaged ones included. The time is that
     of the stamp, unless the film is renumbered; without a stamp, that of the frame before plus a
@@ -487,10 +487,10 @@ def _time_good_frames(
 def _seek_range(
     container: InputContainer, stream: VideoStream, footage: Footage
 ) -> NDArray[np.float64]:
-    """Move a film to shortly before its range of time; return the time stamps of its frames.
+    """Seek a film to shortly before its range of time; return the time stamps of its frames.
 
     The stamps, in the stream's time base, are those up to the end of the range, ascending: a
-    frame's place among them is its number. The result is empty if the film cannot be sought, or is
+    frame's place among them is its number. The result is empty if the film is not seekable, or is
     renumbered: then it is decoded and counted from its first frame.
     """
     target_s = footage.start_s - SEEK_MARGIN_S
@@ -540,9 +540,9 @@ def _convert_to_grey(
 ) -> np.ndarray:
     """Convert a decoded frame to grey (h, w) uint8, 0 = black, 255 = white.
 
-    full_range: take the file's levels as they are, 0 … 255, even if the frame states none; else
-    the limited range, 16 … 235, is expanded unless the frame says that it is full. levels: of a
-    frame of `_is_deep`, the two that become 0 and 255; None for others.
+    full_range: take the file's levels as they are, 0 … 255, even if the frame states none; else the
+    limited range, 16 … 235, is expanded unless the frame says that it is full. levels: of a frame
+    of `_has_deep_levels`, the two that become 0 and 255; None for others.
     """
     if levels:
         if frame.format.is_rgb:
@@ -586,7 +586,7 @@ def _convert_to_rgb(
 def _deinterlace(
     frames: Iterator[VideoFrame | None], stream: VideoStream, order: Order
 ) -> Iterator[VideoFrame | None]:
-    """Yield interlaced frames without combs: the rows of each frame's later field are interpolated.
+    """Yield frames deinterlaced: the rows of each frame's later field are interpolated.
 
     stream: from which the frames come. order: which of the two fields is earlier. FFmpeg's filter
     bwdif does it. A damaged frame, None, stays None at its place; the filter does not see it.
@@ -610,9 +610,9 @@ def _deinterlace(
 
 
 def _filtered_frames(graph: Graph, stream: VideoStream) -> Iterator[VideoFrame]:
-    """Yield the frames that a filter has finished, with time stamps in the stream's ticks.
+    """Yield the frames that an FFmpeg filter has finished, with time stamps in ticks of the stream.
 
-    A filter may be a frame behind its input.
+    graph: the filter; it may be a frame behind its input.
     """
     while True:
         try:

@@ -34,7 +34,12 @@ from finloop.io.footage.source import (
     stretch_levels,
     too_few_error,
 )
-from finloop.io.footage.stamps import count_times, times_in_files, times_in_names, times_in_stack
+from finloop.io.footage.stamps import (
+    count_time_points,
+    times_in_files,
+    times_in_names,
+    times_in_stack,
+)
 from finloop.io.footage.timing import estimate_frame_rate
 from finloop.io.video import THREADS
 
@@ -102,7 +107,7 @@ def _open_stack(path: Path, has_rate: bool) -> Iterator[Album]:
     try:
         with TiffFile(path) as stack:
             names = [f"{path}, page {k + 1}," for k in range(len(stack.pages))]
-            if 1 < (count := count_times(stack)) < len(names):
+            if 1 < (count := count_time_points(stack)) < len(names):
                 raise FinloopError(
                     f"{path} has {len(names)} pages for {count} times: channels or slices",
                     "a page for each frame",
@@ -190,10 +195,10 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
 
 
 def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
-    """Return how the pictures of a film in a folder are named, and these pictures in their order.
+    """Choose the pictures in a folder that are one film; return their names' pattern, and them.
 
-    The names in a series differ only in numbers. If no such series has more than two pictures and
-    5 % of all, the pictures with one ending are a series. FinloopError if there are several, or if
+    The names in a series differ only in numbers. If no such series has more than two pictures and 5
+    % of all, the pictures with one ending are a series. FinloopError if there are several, or if
     not only a few pictures are in none.
     """
     few = max(2, _FEW * len(files))
@@ -212,7 +217,7 @@ def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
 
 
 def _ending_of(file: Path) -> str:
-    """Return the ending of a picture's name; .tiff is .tif, and .jpeg is .jpg."""
+    """Return a picture's file ending in lower case, with .tif for .tiff and .jpg for .jpeg."""
     ending = file.suffix.lower()
     return ".tif" if ending in TIFF else ".jpg" if ending in JPEG else ending
 
@@ -370,7 +375,7 @@ def _read_picture_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
 
 
 def _sample_pictures(footage: Footage, length: int) -> Iterator[list[np.ndarray]]:
-    """Yield stretches of `length` pictures, spread over the range of time.
+    """Yield runs of `length` consecutive pictures, spread over the range of time.
 
     It is the `sampler` of the `Footage` of a folder, TIFF or array.
     """
@@ -381,7 +386,7 @@ def _sample_pictures(footage: Footage, length: int) -> Iterator[list[np.ndarray]
 
 
 def _choose_pictures(footage: Footage, album: Album) -> tuple[Floats, list[int]]:
-    """Return the time of each picture [s] (n,), and the numbers of those in the range of time.
+    """Return the time [s] (n,) of every picture, and the numbers of those in the time range.
 
     Two at least: `limit_time` refuses a range with fewer.
     """
@@ -392,7 +397,7 @@ def _choose_pictures(footage: Footage, album: Album) -> tuple[Floats, list[int]]
 
 
 def _load_frame(footage: Footage, album: Album, number: int) -> np.ndarray:
-    """Load a picture by its number, check its size and depth, and convert it as the film's."""
+    """Load a picture by its number as uint8, after a check of its size and depth."""
     picture, size = album.load(number), (footage.width_px, footage.height_px)
     if picture.shape[1::-1] != size:
         raise other_size_error(album.names[number], picture.shape[1::-1], size)

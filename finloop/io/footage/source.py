@@ -89,7 +89,7 @@ class Footage:
     colour: bool  # whether frames are RGB
     frames_expected: int  # ticks of `frame_rate` in the range of time, by the file's head
     reader: Callable[["Footage", LostFrames], NumberedFrames]  # streams the frames of the range
-    # Reads stretches of so many frames each, spread over the range.
+    # Reads runs of so many frames each, spread over the range.
     sampler: Callable[["Footage", int], Iterator[list[np.ndarray]]]
     frames_in_source: int  # frames of the whole source, by the file's head
     turn: Turn = UPRIGHT  # turns the coded picture upright
@@ -115,11 +115,11 @@ class Footage:
         """
         return self.reader(self, loss)
 
-    def sample_stretches(self, most: int) -> list[list[np.ndarray]]:
-        """Return stretches of successive frames, spread over the range of time.
+    def sample_runs(self, most: int) -> list[list[np.ndarray]]:
+        """Return runs of consecutive frames, spread over the range of time.
 
-        They have at most `most` frames in all, which are as those of `stream_numbered`; of a film
-        that is no longer the only stretch is all of it.
+        most: frames in all. The frames are those of `stream_numbered`. A film of at most `most`
+        frames gives a single run, the whole film.
         """
         if self.frames_expected <= most:
             return [[picture.copy() for _, (_, picture) in self.stream_numbered(LostFrames())]]

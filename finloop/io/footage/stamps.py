@@ -29,7 +29,7 @@ def times_in_names(names: Sequence[str]) -> Floats | None:
     A name gives a date with a time of day, or s, ms, µs or ns since 1970, such as 1714735801250.
     None if a name has no time, or the times are too few, equal or uneven: see `_plausible_times`.
     """
-    return _plausible_times([_find_day_and_time(name) or _find_since_1970(name) for name in names])
+    return _plausible_times([_find_day_and_time(name) or _find_unix_time(name) for name in names])
 
 
 def times_in_files(files: Iterable[Path]) -> Floats | None:
@@ -63,7 +63,7 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
     step_s = float(facts.get("finterval") or 0) * _UNITS_S.get(str(facts.get("tunit", "s")), 0.0)
     if not step_s and facts.get("fps"):
         step_s = 1 / float(facts["fps"])
-    if pixels := _ome_pixels(stack):
+    if pixels := _read_ome_metadata(stack):
         seconds = _ome_page_times(pixels)
         if len(seconds) == count and (np.diff(seconds) > 0).all():
             return np.array(seconds) - seconds[0]
@@ -78,7 +78,7 @@ def times_in_stack(stack: TiffFile, count: int) -> Floats | None:
 def _ome_page_times(pixels: dict[str, Any]) -> list[float]:
     """Return the times [s] of single pages in OME metadata, in order; NaN in unknown units.
 
-    pixels: from `_ome_pixels`.
+    pixels: from `_read_ome_metadata`.
     """
     planes = pixels.get("Plane", [])
     planes = planes if isinstance(planes, list) else [planes]
@@ -89,14 +89,16 @@ def _ome_page_times(pixels: dict[str, Any]) -> list[float]:
     ]
 
 
-def count_times(stack: TiffFile) -> int:
-    """Return at how many times the pages of a stack were shot, by ImageJ or OME; 0: unknown."""
-    frames = (stack.imagej_metadata or {}).get("frames") or _ome_pixels(stack).get("SizeT") or 0
+def count_time_points(stack: TiffFile) -> int:
+    """Return the number of time points of a TIFF stack by ImageJ or OME; 0 if neither tells."""
+    frames = (
+        (stack.imagej_metadata or {}).get("frames") or _read_ome_metadata(stack).get("SizeT") or 0
+    )
     return int(frames)
 
 
-def _ome_pixels(stack: TiffFile) -> dict[str, Any]:
-    """Return what OME says of a stack's first series of pages; {} if it says nothing."""
+def _read_ome_metadata(stack: TiffFile) -> dict[str, Any]:
+    """Return the OME metadata of a stack's first series of pages; {} if it has none."""
     if not stack.ome_metadata:
         return {}
     image = xml2dict(stack.ome_metadata)["OME"]["Image"]
@@ -105,14 +107,14 @@ def _ome_pixels(stack: TiffFile) -> dict[str, Any]:
 
 
 class Stamp(NamedTuple):
-    """A time as it is written, with the digits of the part of a second apart."""
+    """A time: its whole seconds since 1970, and the digits of its fraction of a second."""
 
     second: float  # whole seconds since 1970
     fraction: str  # digits after the whole seconds; "" if there are none
 
 
 def _find_day_and_time(text: str) -> Stamp | None:
-    """Return the first date with a time of day in a text; None if it has none."""
+    """Return the first date with a time of day in a text as a `Stamp`; None if it has none."""
     for match in _DAY_AND_TIME.finditer(text):
         with suppress(ValueError):  # no such day or time: month 13, 25 o'clock
             year, month, day, hour, minute, second = map(int, match.groups()[:6])
@@ -122,8 +124,8 @@ def _find_day_and_time(text: str) -> Stamp | None:
     return None
 
 
-def _find_since_1970(text: str) -> Stamp | None:
-    """Return the first time in a text that counts s, ms, µs or ns since 1970; None if none does."""
+def _find_unix_time(text: str) -> Stamp | None:
+    """Return the first Unix time (s, ms, µs or ns since 1970) in a text; None if it has none."""
     for match in _SINCE_1970.finditer(text):
         if _FIRST_S <= int(match[1]) < _END_S:
             return Stamp(float(match[1]), match[2] or "")
@@ -131,7 +133,7 @@ def _find_since_1970(text: str) -> Stamp | None:
 
 
 def _find_exif_time(tags: Image.Exif) -> Stamp | None:
-    """Return the time in the Exif tags of a JPEG, of its exposure if stated; None without one."""
+    """Return a JPEG's time from its Exif tags, that of its exposure if stated; None without."""
     exif = tags.get_ifd(ExifTags.IFD.Exif)
     original = exif.get(ExifTags.Base.DateTimeOriginal)
     moment = _find_day_and_time(str(original or tags.get(ExifTags.Base.DateTime)))
@@ -140,7 +142,7 @@ def _find_exif_time(tags: Image.Exif) -> Stamp | None:
 
 
 def _find_tiff_time(page: TiffPage) -> Stamp | None:
-    """Return the time in the tags of a TIFF page, of its exposure if stated; None without one."""
+    """Return a TIFF page's time from its tags, that of its exposure if stated; None without."""
     exif = page.tags.valueof("ExifTag", {})
     moment = _find_day_and_time(str(exif.get("DateTimeOriginal", page.tags.valueof("DateTime"))))
     digits = str(exif.get("SubsecTimeOriginal") or exif.get("SubsecTime") or "").strip()

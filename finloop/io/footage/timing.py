@@ -52,7 +52,7 @@ class FrameCounts:
 def resample_nearest(
     stamped: Iterable[tuple[float, T]], frame_rate: Fraction, timing: FrameCounts
 ) -> Iterator[T]:
-    """Yield for every tick of a constant rate the item that is nearest in time.
+    """Yield, for every tick of a constant rate, the item that is nearest in time.
 
     stamped: pairs (time [s], item), such as frames, in order. frame_rate: ticks per second. Where
     the time jumps, a new segment begins, whose first tick is at its first item. A film of constant
@@ -66,7 +66,7 @@ def resample_nearest(
     ticks = 0  # of this segment
 
     def yield_repeats(until: float) -> Iterator[T]:
-        """Yield the last item once for each new tick before tick `until`; count what happens.
+        """Yield the last item for each new tick before tick `until`; count repeats and drops.
 
         until: in ticks of this segment; a fraction is rounded up.
         """

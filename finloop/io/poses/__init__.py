@@ -35,7 +35,7 @@ _BY_KEY: dict[str, Software] = {  # by a group or dataset of a HDF5 file
 def load_poses(
     path: Path, software: Software | None, rate_hz: float, parameter: str = "extract.tracks_path"
 ) -> Poses:
-    """Load where the keypoints of all animals are, from a file or folder of a tracking program.
+    """Load the keypoints of all animals from a file or folder of a tracking program.
 
     software: the program that made it; None = detect it. rate_hz: of the film, for a file that has
     times and no rate. parameter: the one that names the file, for messages. FinloopError if there

@@ -21,7 +21,7 @@ def import_extra(module: str, path: object) -> ModuleType:
 
 
 def not_installed_error(path: object, error: ImportError) -> FinloopError:
-    """Return the error for a file that needs a missing one of the optional packages `tracks`."""
+    """Return the error for a file that needs the optional packages `tracks`, which are missing."""
     return FinloopError(
         f"{path} needs packages that are not all installed: {error}",
         "the optional packages of the extra `tracks` (pyproject.toml)",
@@ -30,9 +30,9 @@ def not_installed_error(path: object, error: ImportError) -> FinloopError:
 
 
 def unreadable_error(path: object, software: str, why: object) -> FinloopError:
-    """Return the error for a file that is not what a tracking program writes; why: the reason.
+    """Return the error for a file that is not what its tracking program writes.
 
-    Of a CSV the error also says how it begins.
+    why: the reason. Of a CSV the error also says how it begins.
     """
     seen = ""
     if isinstance(path, Path) and path.suffix.lower() == ".csv" and path.is_file():

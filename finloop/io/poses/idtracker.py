@@ -34,7 +34,7 @@ def read_idtracker(path: Path) -> Poses:
 
     The only keypoint is each animal's centre. FinloopError if nothing there can be read.
     """
-    path = _find_file(path)
+    path = _find_trajectories(path)
     try:
         loaded, facts = _load_places(path)
         places, labels = np.asarray(loaded), facts.get("identities_labels")
@@ -53,8 +53,8 @@ def read_idtracker(path: Path) -> Poses:
     )
 
 
-def _find_file(path: Path) -> Path:
-    """Return the file or folder of trajectories at a path: itself, or the best one of a session.
+def _find_trajectories(path: Path) -> Path:
+    """Return the path of idtracker.ai's trajectories: `path` itself, or the best one of a session.
 
     The best is the first in the order of `_NAMES`, then of `_ENDINGS`. A folder <name>_csv holds
     the trajectories as several CSV files. FinloopError if there is none.
@@ -72,7 +72,7 @@ def _find_file(path: Path) -> Path:
 
 
 def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
-    """Return places (frames, animals, 2) in px, and the facts that are stored with them by name.
+    """Return places (frames, animals, 2) in px, and the facts stored beside them, by name.
 
     path: a file, or a folder of CSV files. FinloopError for a file with another ending.
     """
@@ -133,7 +133,7 @@ def _unpickle(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
 
 
 def _to_places(table: pd.DataFrame) -> np.ndarray:
-    """Convert a table with a row per frame and animal to places (frames, animals, 2), NaN: none."""
+    """Convert a table with a row per frame and animal to places (frames, animals, 2), or NaN."""
     frame, animal = (table[name].to_numpy(int) for name in ("frame", "individual"))
     places = np.full((frame.max() + 1, animal.max() + 1, 2), np.nan)
     places[frame, animal] = table[["x", "y"]].to_numpy(float)

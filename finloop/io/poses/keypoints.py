@@ -54,7 +54,7 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
 
 
 def _find_animals(columns: list[tuple[str, str, str]], path: Path) -> tuple[list[str], list[str]]:
-    """Return the names of a table's animals, and of the keypoints that each of them has.
+    """Return the names of a table's animals, and of the keypoints that every animal has.
 
     columns: animal, keypoint and coordinate of each column. Animals are those that have the most
     frequent list of keypoints; a message on the error stream names the others, and the file `path`.

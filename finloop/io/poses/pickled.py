@@ -11,8 +11,8 @@ _PLAIN_KINDS = re.compile(r"[<>|=]?(?:[biufc][1248]?|[biufc]16|[SU]\d{1,4}|O8?)"
 """Kinds of numbers and words of which arrays are built: none has fields, and none an address."""
 
 
-class _PickledKind:
-    """The dtype of an array, as a pickle names it: of numbers or words only.
+class _PickledDtype:
+    """Stand-in for a NumPy dtype in a pickle: only dtypes of numbers or words are allowed.
 
     numpy itself would take dtypes whose arrays point to any place in memory.
     """
@@ -24,7 +24,7 @@ class _PickledKind:
         self.name, self.order = name, "="
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Take the byte order from the state that numpy pickles of a dtype.
+        """Take the byte order from the state that NumPy pickles of a dtype.
 
         UnpicklingError if the dtype has fields, or is itself an array.
         """
@@ -34,24 +34,24 @@ class _PickledKind:
         self.order = "=" if order == "|" else str(order)
 
     def to_array(self, data: bytes) -> np.ndarray:
-        """Return the numbers or words that bytes hold; ValueError if the dtype is object."""
-        kind = np.dtype(self.name)
-        return np.frombuffer(data, kind.newbyteorder(">") if self.order == ">" else kind)
+        """Convert bytes to an array of this dtype; ValueError if the dtype is object."""
+        dtype = np.dtype(self.name)
+        return np.frombuffer(data, dtype.newbyteorder(">") if self.order == ">" else dtype)
 
 
 class _PickledArray:
-    """An array as a pickle holds it: `value` is a numpy array, or a list of Python's objects."""
+    """Stand-in for an array in a pickle: `value` is a NumPy array, or a list of objects."""
 
     value: Any = None
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Set `value` from version, shape, dtype, order of the axes, and data."""
-        _, shape, kind, is_fortran, data = state
-        if kind.name.lstrip("<>|=").startswith("O"):
+        _, shape, dtype, is_fortran, data = state
+        if dtype.name.lstrip("<>|=").startswith("O"):
             self.value = list(data)
         else:
             order = "F" if is_fortran else "C"
-            self.value = kind.to_array(bytes(data)).reshape(shape, order=order)
+            self.value = dtype.to_array(bytes(data)).reshape(shape, order=order)
 
 
 def _encode_latin1(text: str, _: str = "latin1") -> bytes:
@@ -60,32 +60,33 @@ def _encode_latin1(text: str, _: str = "latin1") -> bytes:
 
 
 def _array_from_buffer(
-    data: Any, kind: _PickledKind, shape: tuple[int, ...], order: str
+    data: Any, dtype: _PickledDtype, shape: tuple[int, ...], order: str
 ) -> np.ndarray:
-    """Return the array that a pickle of protocol 5 holds; order: of its axes, "C" or "F"."""
-    return kind.to_array(bytes(data)).reshape(shape, order="F" if order == "F" else "C")
+    """Return the array that a pickle of protocol 5 holds as bytes; order: "C" or "F"."""
+    return dtype.to_array(bytes(data)).reshape(shape, order="F" if order == "F" else "C")
 
 
-def _scalar(kind: _PickledKind, data: bytes) -> Any:
+def _scalar_from_bytes(dtype: _PickledDtype, data: bytes) -> Any:
     """Return the number or word that a pickle holds as a NumPy scalar."""
-    return kind.to_array(data)[0]
+    return dtype.to_array(data)[0]
 
 
 _BUILDERS: dict[tuple[str, str], Any] = {
     ("_codecs", "encode"): _encode_latin1, ("builtins", "set"): set,
     ("collections", "OrderedDict"): dict,
-    ("numpy", "dtype"): _PickledKind, ("numpy", "ndarray"): _PickledArray,
+    ("numpy", "dtype"): _PickledDtype, ("numpy", "ndarray"): _PickledArray,
     **{(f"numpy.{core}.{module}", name): builder for core in ("core", "_core")
        for module, name, builder in (
            ("multiarray", "_reconstruct", lambda *_: _PickledArray()),
-           ("multiarray", "scalar", _scalar), ("numeric", "_frombuffer", _array_from_buffer),
+           ("multiarray", "scalar", _scalar_from_bytes),
+           ("numeric", "_frombuffer", _array_from_buffer),
        )},
 }  # fmt: skip
 """What is called in place of what a pickle names: none of it runs a program."""
 
 
 class _HarmlessUnpickler(pickle.Unpickler):
-    """Reader of pickles that hold only arrays, numbers and words; others could run any program."""
+    """Unpickler that accepts arrays, numbers and words only, so that a file cannot run code."""
 
     def find_class(self, module: str, name: str) -> Any:
         """Return the harmless stand-in for what a pickle names; UnpicklingError if there is none.
@@ -108,8 +109,8 @@ def load_harmless_pickle(file: IO[bytes]) -> Any:
 
 
 def unwrap_array(value: Any) -> Any:
-    """Return an array that was read from a pickle, as numpy's, or as a list if of Python's objects.
+    """Return the value of a `_PickledArray`; return any other value unchanged.
 
-    Any other value is returned as it is.
+    The value is a NumPy array, or a list if the array held Python objects.
     """
     return value.value if isinstance(value, _PickledArray) else value
