@@ -48,7 +48,7 @@ from finloop.base.settings import read_conf_values, settings
 from finloop.bpn.back_propagation import train_on_film_rows
 from finloop.bpn.model import MotionModel, pair_rows_with_later, split_rows_if_possible
 from finloop.calibrate.film import build_film_group
-from finloop.calibrate.rule import describe_shortage, fit_film_rule
+from finloop.calibrate.rule import explain_missing_fit, fit_school_rule
 from finloop.clip.rewrite import make_clip
 from finloop.clip.write import open_clip_source
 from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, find_map_rows
@@ -333,9 +333,9 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule
     """
     p = settings("calibrate", **changes)
     group = build_film_group(features, film.arena, infer_delta_frames(features), p.horizon)
-    if shortage := describe_shortage(group):
+    if shortage := explain_missing_fit(group):
         warnings.warn(shortage, stacklevel=2)
-    fitted_rule, _ = fit_film_rule(group, p)
+    fitted_rule, _ = fit_school_rule(group, p)
     rule = require_rule(fitted_rule)
     steps = rule.steps
     table = apply_schema(steps.to_table(), SOCIAL_STEPS)

@@ -11,8 +11,8 @@ import pandas as pd
 
 from finloop.calibrate.film import FilmGroup, build_film_group
 from finloop.calibrate.rule import (
-    describe_shortage,
-    fit_film_rule,
+    explain_missing_fit,
+    fit_school_rule,
     measure_steps_without_others,
     simulate_point_fish,
 )
@@ -79,10 +79,10 @@ def main() -> None:
     features = project.features
     rows = rows_of_first_film(features, project.data / "clip")
     film = build_film_group(rows, project.arena, infer_delta_frames(features), p.horizon)
-    rule, fit = fit_film_rule(film, p)
+    rule, fit = fit_school_rule(film, p)
     numbers: dict[str, float] = {"fitted": int(fit is not None), "fish": film.typical_fish_count}
     if fit is None:
-        print(f"calibrate: {describe_shortage(film)}", file=sys.stderr)
+        print(f"calibrate: {explain_missing_fit(film)}", file=sys.stderr)
     else:
         numbers["explained_pct"] = 100 * fit.explained
         numbers["explained_held_out_pct"] = 100 * fit.explained_held_out

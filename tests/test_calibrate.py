@@ -25,8 +25,8 @@ from finloop.calibrate.fit import (
     fit_zones,
 )
 from finloop.calibrate.rule import (
-    describe_shortage,
-    fit_film_rule,
+    explain_missing_fit,
+    fit_school_rule,
     measure_steps_without_others,
     simulate_point_fish,
 )
@@ -37,10 +37,10 @@ from finloop.io.record import save_records
 from finloop.io.several import PARTS_NAME, JoinedFilm
 from finloop.io.table import load_table, save_table
 from finloop.project import Project
-from finloop.social.measures import SCHOOL, measure_values, wasserstein_distances
+from finloop.social.measures import SCHOOL, values_of_measure, wasserstein_distances
 from finloop.social.neighbours import all_neighbours, complex_vectors
 from finloop.social.rule import require_rule
-from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull_of_others, zone_means
+from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull_of_others, zone_pulls
 
 PX, OWN, STEP = 20.0, 0.6, 0.3
 ARENA = np.ones((300, 300), bool)
@@ -156,7 +156,7 @@ def test_rings_say_what_zones_say():
     seen = FILM.visible_neighbours(rows)
     rings = NeighbourSums(seen, [0.0, 0.5, 2.0, 8.0], 90.0)
     for radii in [(0.5, 2.0, 8.0), (0.0, 0.0, 8.0), (0.5, 0.5, 0.5), (0.0, 2.0, 2.0)]:
-        assert rings.zone_pulls(radii) == pytest.approx(zone_means(seen, radii, 90.0), abs=1e-9)
+        assert rings.zone_pulls(radii) == pytest.approx(zone_pulls(seen, radii, 90.0), abs=1e-9)
 
 
 def test_regression_leaves_out_what_would_be_negative():
@@ -230,8 +230,8 @@ def test_tracks_too_short_for_a_step_teach_no_rule():
     short = often.assign(track_id=often["track_id"] * 20 + often["frame"] // 2)
     film = build_film_group(short, ARENA, 1, "auto")
     assert min(len(film.rows_for_fit(half, 50)) for half in (True, False)) == 50
-    rule, fit = fit_film_rule(film, settings("calibrate"))
-    assert fit is None and "no track has three consecutive frames" in describe_shortage(film)
+    rule, fit = fit_school_rule(film, settings("calibrate"))
+    assert fit is None and "no track has three consecutive frames" in explain_missing_fit(film)
     with pytest.raises(FinloopError, match="too short for the steps"):
         require_rule(rule)
 
@@ -306,7 +306,7 @@ def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(zones_run, monk
     assert set(table["shoal"]) == {"first_half", "zones", "alone"}
     assert set(table["beside"]) == {"film", "second_half"}
     film = load_table(folder / "data/calibrate/film.parquet", SCHOOL)
-    assert len(film) == 6 * 200 and len(measure_values(film, "polarisation")) == 200
+    assert len(film) == 6 * 200 and len(values_of_measure(film, "polarisation")) == 200
     assert Project().school_rule.horizon == 1
     assert Project().school_rule.zones.attraction == numbers["attraction"]
     assert len(Project().school_rule.steps.move) > 100

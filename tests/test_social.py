@@ -23,7 +23,7 @@ from finloop.social.rule import (
     next_place_in_school,
 )
 from finloop.social.walls import Walls
-from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull_of_others, zone_means
+from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull_of_others, zone_pulls
 
 ZONES = Zones(1.0, 3.0, 8.0, 90.0, 1.5, 0.7, 0.4)
 PX = 20.0  # of a body length
@@ -63,7 +63,7 @@ def test_zones_turn_move_and_are_mirrored_with_the_shoal_in_any_order(seed, angl
     order = np.random.default_rng(seed).permutation(len(place))
     again = neighbour_pull(place[order], heading[order])
     assert again == pytest.approx(plain[order], abs=1e-12)
-    means = zone_means(all_neighbours(place, heading), COUZIN.radii, COUZIN.blind_deg)
+    means = zone_pulls(all_neighbours(place, heading), COUZIN.radii, COUZIN.blind_deg)
     assert means.shape == (7, 3) and np.abs(means).max() <= 1 + 1e-12
 
 
@@ -113,9 +113,9 @@ class NoBlas(np.ndarray):
 
 def test_a_pull_is_a_sum_that_no_blas_rounds(monkeypatch):
     seen = all_neighbours(*shoal(1))
-    means = zone_means(seen, ZONES.radii, ZONES.blind_deg)
+    means = zone_pulls(seen, ZONES.radii, ZONES.blind_deg)
     wanted = means[:, 0] * 1.5 + means[:, 1] * 0.7 + means[:, 2] * 0.4
-    monkeypatch.setattr(zones_module, "zone_means", lambda *_: means.view(NoBlas))
+    monkeypatch.setattr(zones_module, "zone_pulls", lambda *_: means.view(NoBlas))
     assert pull_of_others(seen, ZONES) == pytest.approx(wanted)
 
 
@@ -174,12 +174,12 @@ def steps(count=40, seed=0):
 
 def test_steps_that_are_alike_are_drawn():
     rng, own = np.random.default_rng(0), steps()
-    moves, turns = own.draw_similar_steps(own.wall[[3, 7]], own.last[[3, 7]], 1, rng)
+    moves, turns = own.sample_similar_steps(own.wall[[3, 7]], own.last[[3, 7]], 1, rng)
     assert moves == pytest.approx(own.move[[3, 7], None])
     assert turns == pytest.approx(own.turn[[3, 7], None])
-    mirrored, _ = own.draw_similar_steps(own.wall[[3]].conj(), own.last[[3]].conj(), 1, rng)
+    mirrored, _ = own.sample_similar_steps(own.wall[[3]].conj(), own.last[[3]].conj(), 1, rng)
     assert mirrored == pytest.approx(own.move[[3], None].conj())
-    many, _ = own.draw_similar_steps(own.wall[[3]], own.last[[3]], 1000, rng)
+    many, _ = own.sample_similar_steps(own.wall[[3]], own.last[[3]], 1000, rng)
     assert many.shape == (1, 80)  # no more than there are, and their mirror images
     again = SocialSteps.from_table(own.to_table(), own.move_per_pull, own.turn_per_pull)
     assert np.array_equal(again.turn, own.turn) and np.array_equal(again.wall, own.wall)
@@ -187,7 +187,7 @@ def test_steps_that_are_alike_are_drawn():
 
 def test_a_pull_adds_to_the_own_turn():
     own = steps()
-    turned = own.add_pulls(np.array([1 + 0j, 0j]), np.array([2j, 0j]))
+    turned = own.turn_by_pulls(np.array([1 + 0j, 0j]), np.array([2j, 0j]))
     assert turned[0] == pytest.approx((1 + 1j) / np.sqrt(2))
     assert abs(turned[1]) == 1
 

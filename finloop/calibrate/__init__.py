@@ -10,5 +10,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "film": ["FilmGroup", "build_film_group"], "fit": ["ZoneFit", "fit_zones"],
-    "rule": ["fit_film_rule", "describe_shortage", "simulate_point_fish"],
+    "rule": ["fit_school_rule", "explain_missing_fit", "simulate_point_fish"],
 })  # fmt: skip

@@ -52,7 +52,7 @@ class FilmGroup:
 
     @property
     def first_half(self) -> Mask:
-        """Return which rows (n,) are in the first half of the film, in time."""
+        """Return a mask (n,) of the rows in the first half of the film, in time."""
         return self.frame < middle_frame(self.frame)
 
     def half_measures(self, first: bool) -> pd.DataFrame:
@@ -72,7 +72,7 @@ class FilmGroup:
         return spread_rows(np.flatnonzero(in_half & has_others & has_later), most)
 
     def rows_with_whole_steps(self, most: int) -> Ints:
-        """Return at most `most` rows whose fish is also seen `horizon_frames` before and after.
+        """Return at most `most` rows whose fish is also seen one horizon before and one after.
 
         They are evenly spread over the first half, or over the whole film if that has none.
         """
@@ -81,7 +81,7 @@ class FilmGroup:
         return spread_rows(first if len(first) else np.flatnonzero(whole), most)
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
-        """Return what the fish in k rows see of others: distances, bearings, headings (k, m)."""
+        """Return the other fish that those in k rows see: distance, bearing and heading (k, m)."""
         frames = self.slots.row[rows]  # lines of `places`, of all fish in a frame
         places = self.places[frames]
         places[np.arange(len(rows)), self.slots.fish[rows]] = np.nan  # no fish is its own neighbour
@@ -90,7 +90,7 @@ class FilmGroup:
         )
 
     def relative_headings(self, rows: Ints) -> Complex:
-        """Return how the fish in k rows turn in `horizon_frames`: complex unit vectors (k,).
+        """Return how the fish in k rows turn within the horizon: complex unit vectors (k,).
 
         1 = not turned, i = turned left by 90°. Every row must have a `later` one.
         """
@@ -112,12 +112,14 @@ def build_film_group(
     place_by_row, heading_by_row = complex_vectors(places_px, headings_deg, walls.length)
     # Tables (frames, slots): the fish of each frame side by side, NaN where there are fewer.
     slots = frame_slots(frame)
-    place_by_slot, heading_by_slot = slots.spread(place_by_row), slots.spread(heading_by_row)
+    place_by_slot, heading_by_slot = slots.to_array(place_by_row), slots.to_array(heading_by_row)
     if horizon == "auto":
         horizon_frames = measure_horizon_frames(heading_by_row, track, delta)
     else:
         horizon_frames = max(1, round(horizon * delta))
-    later, earlier = _link_rows(frame, track, horizon_frames)  # rows of the same fish, −1: none
+    later, earlier = _rows_later_and_earlier(
+        frame, track, horizon_frames
+    )  # rows of the same fish, −1: none
     if horizon != "auto" and not ((later >= 0) & (earlier >= 0)).any():
         longest = _longest_track_rows(track)
         raise FinloopError(
@@ -135,7 +137,7 @@ def build_film_group(
 
 
 def measure_horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
-    """Return after how many frames fish have half forgotten their headings.
+    """Return after how many frames fish have half forgotten their headings, within limits.
 
     The result is limited to a quarter of the longest track, then raised to at least `delta` (Δ, in
     frames), and last limited to half of the longest track; it is 1 or more. heading (n,): complex;
@@ -152,8 +154,8 @@ def _longest_track_rows(track: Ints) -> int:
     return int(np.unique(track, return_counts=True)[1].max())
 
 
-def _link_rows(frame: Ints, track: Ints, gap: int) -> tuple[Ints, Ints]:
-    """Return the rows (n,) of the same track `gap` frames later, and earlier; −1 for none.
+def _rows_later_and_earlier(frame: Ints, track: Ints, gap: int) -> tuple[Ints, Ints]:
+    """Return, for each row, the rows of the same track `gap` frames later and earlier; else −1.
 
     It is also −1 where a frame in between is missing. frame, track (n,): frame and track number of
     each row, sorted by track and frame.

@@ -5,10 +5,10 @@ the horizon H is
 
     E[d] = a + Σ b_z D_z + c W,
 
-where D_z are the pulls of the zones (`zone_means`) and W points away from the nearest wall.
-Coefficients are real, so that the film's mirror image gives the same ones. The weights of the zones
-are b_z / a, as the fish's own direction has weight 1. W keeps fish that avoid a wall, beyond which
-there are no fish, from counting as attracted by the others; it is no part of the rule.
+where D_z are the pulls of the zones (`zone_pulls`) and W points away from the nearest
+wall. Coefficients are real, so that the film's mirror image gives the same ones. The weights of the
+zones are b_z / a, as the fish's own direction has weight 1. W keeps fish that avoid a wall, beyond
+which there are no fish, from counting as attracted by the others; it is no part of the rule.
 
 Radii and blind angle come from a list and are those that best predict held-out data: one part in
 time of the half is predicted with the coefficients of its other part. So zones that fit by chance
@@ -27,7 +27,7 @@ from finloop.base.arrays import Complex, Floats, Ints, Mask, Reals
 from finloop.calibrate.film import FilmGroup
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.social.neighbours import Neighbours
-from finloop.social.zones import COUZIN, Zones, weigh_zone_pulls, zone_means
+from finloop.social.zones import COUZIN, Zones, weigh_zone_pulls, zone_pulls
 
 _EQUAL = 1e-12  # share of the residual: of equally good zones the smaller ones are taken
 _ZONES = (1, 2, 3)  # columns of a regression
@@ -50,7 +50,7 @@ class ZoneFit:
 
 
 class _ZoneChoice(NamedTuple):
-    """Radii and blind angle that were tried, their error on held-out data, their pulls (n, 3)."""
+    """Tried radii and blind angle, their error on held-out data, and the pulls (n, 3) they give."""
 
     error: float
     radii: tuple[float, float, float]
@@ -85,7 +85,7 @@ def fit_zones(film: FilmGroup, settings: CalibrateSettings) -> ZoneFit:
 def _choose_zones(
     film: FilmGroup, rows: Ints, settings: CalibrateSettings, fixed: Sequence[float | None]
 ) -> _ZoneChoice:
-    """Return the radii and the blind angle that best predict later headings on held-out rows.
+    """Return the radii and blind angle that best predict later headings on held-out rows.
 
     rows: of the film; each half of them in time is predicted from the other half; fixed: weights of
     the zones, None for one that is fitted.
@@ -114,15 +114,16 @@ def _choose_zones(
 def _explained_share(
     film: FilmGroup, rows: Ints, zones: Zones, with_zones: Floats, without: Floats
 ) -> float:
-    """Return the share of the squared error without zones that zones remove in some rows.
+    """Return the share by which zones reduce the squared error of predicted directions.
 
-    with_zones, without (5,): coefficients of own direction, three zones and wall; in `without`
-    those of the zones are 0.
+    rows: of the film, on which errors are measured. with_zones, without (5,): coefficients of own
+    direction, three zones and wall; in `without` those of the zones are 0.
     """
-    pulls = zone_means(film.visible_neighbours(rows), zones.radii, zones.blind_deg)
+    pulls = zone_pulls(film.visible_neighbours(rows), zones.radii, zones.blind_deg)
     wall, after = _wall_pull(film, rows), film.relative_headings(rows)
 
     def squared_error(coefficients: Floats) -> float:
+        """Return the squared error that a model with coefficients (5,) leaves."""
         own, *weights, wall_weight = coefficients
         errors = after - own - weigh_zone_pulls(pulls, weights) - wall_weight * wall
         return float((np.abs(errors) ** 2).sum())
@@ -131,7 +132,10 @@ def _explained_share(
 
 
 def _wall_pull(film: FilmGroup, rows: Ints) -> Complex:
-    """Return vectors (k,) away from the wall, longer if nearer, relative to the fish in k rows."""
+    """Return vectors (k,) that lead the fish in k rows away from the wall, longer if nearer.
+
+    They are relative to the fish's own body.
+    """
     return film.walls.vectors_from_wall(film.place[rows], film.heading[rows])
 
 
@@ -145,7 +149,7 @@ class _SumsWithin(NamedTuple):
     counts: Ints
 
     def ring_mean(self, outer: int, inner: int | None = None) -> Complex:
-        """Return the mean vector (n,) of the neighbours between two radii; 0 where there is none.
+        """Return the mean vector (n,) of the neighbours between two radii; 0 without a neighbour.
 
         outer, inner: numbers of the radii; without an inner one the ring is a disc.
         """
@@ -156,7 +160,7 @@ class _SumsWithin(NamedTuple):
 
 
 def _sum_within(vectors: Complex, within: Mask) -> _SumsWithin:
-    """Return the sums of the neighbours' vectors, and their numbers, for n fish and k radii.
+    """Sum and count the vectors of each fish's neighbours within k radii.
 
     vectors (n, m): one of each fish's m neighbours, such as a heading; within (n, m, k): whether
     each neighbour counts for each radius.
@@ -184,10 +188,10 @@ class NeighbourSums:
         self._bearings = _sum_within(seen.bearing, visible)
 
     def zone_pulls(self, radii: tuple[float, float, float]) -> Complex:
-        """Return how strongly the neighbours in each of three zones pull, without weights: (n, 3).
+        """Return the unweighted pulls (n, 3) of the neighbours in each of three zones.
 
         radii: outer ones, in body lengths, each one of the listed radii. The pulls equal those of
-        `zone_means`.
+        `zone_pulls`.
         """
         inner, middle, outer = (self._number_of[radius] for radius in radii)
         is_unrepelled = self._all_bearings.counts[:, inner] == 0
@@ -216,7 +220,10 @@ class _RegressionSums(NamedTuple):
 
 
 def _sum_rows(columns: Complex, after: Complex) -> _RegressionSums:
-    """Return the sums over n rows for a regression of directions `after` (n,) on columns (n, 5)."""
+    """Return the sums over n rows from which a regression of directions on columns is solved.
+
+    columns (n, 5): own direction, zones, wall. after (n,): the later directions.
+    """
     # Not `@`: its threads cost more time than these few numbers.
     gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
     right = np.einsum("ni,n->i", columns.conj(), after).real
@@ -244,7 +251,7 @@ def _solve_regression(sums: _RegressionSums, weights: Sequence[float | None]) ->
 
 
 def _regression_columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
-    """Return the columns (n, 5) by which later directions are fitted: own direction, zones, wall.
+    """Return the regressors (n, 5) of later directions: own direction, three zones, wall.
 
     Directions are complex; 1 is straight on. To the column of the own direction the pulls of zones
     with a fixed weight are added, so their own columns are not to be fitted (`_solve_regression`
@@ -262,12 +269,11 @@ def _replace_none_by_zero(weights: Sequence[float | None]) -> Floats:
 def fit_directions(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None]
 ) -> tuple[Floats, float]:
-    """Return how strongly own direction, zones and wall predict the later directions of fish.
+    """Fit the later directions of fish to own direction, zones and wall, by least squares.
 
-    The results are the coefficients (5,), and the sum of squared errors that they leave. pulls (n,
-    3): of the zones; wall (n,): vectors away from the wall; after (n,): the later directions;
-    weights (3,): of each zone, None if it is fitted. A fixed weight is relative to the own
-    direction's.
+    Return the coefficients (5,), and the sum of squared errors that they leave. pulls (n, 3): of
+    the zones; wall (n,): vectors away from the wall; after (n,): the later directions; weights
+    (3,): of each zone, None if it is fitted. A fixed weight is relative to the own direction's.
     """
     sums = _sum_rows(_regression_columns(pulls, wall, weights), after)
     solution = _solve_regression(sums, weights)
@@ -280,7 +286,7 @@ def fit_directions(
 def cross_validate(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
 ) -> float:
-    """Return the squared error of predicted directions; each part of the rows predicts the other.
+    """Return the squared error of directions if each part of the rows predicts the other one.
 
     parts (n,): True for one part, False for the other; both errors are summed. The other arguments
     are those of `fit_directions`.
@@ -292,9 +298,9 @@ def cross_validate(
 
 
 def _possible_radii(settings: CalibrateSettings) -> list[tuple[float, float, float]]:
-    """Return the triples of ascending zone radii to try, the smallest first; given radii are kept.
+    """Return all triples of ascending zone radii to try, the smallest first.
 
-    Given radii are also tried for the other zones, so there is at least one triple.
+    Given radii are fixed. They are also tried for the other zones, so there is at least one triple.
     """
     numbers = [float(value) for value in settings.zone_radii if value != "auto"]
     all_radii = sorted({*settings.radii, *numbers})
@@ -310,7 +316,7 @@ def _weighted_zones(
     radii: tuple[float, float, float], blind_deg: float, weights: Reals,
     fixed: Sequence[float | None],
 ) -> Zones:  # fmt: skip
-    """Return zones with fitted weights; an outermost fitted zone of weight 0 gets a width of 0.
+    """Return zones with their weights; a last fitted zone of weight 0 gets the width 0.
 
     weights (3,): fitted ones, used where `fixed` (3,), the given ones, is None.
     """
@@ -327,7 +333,7 @@ def _weighted_zones(
 
 
 def default_zones(settings: CalibrateSettings) -> Zones:
-    """Return the zones for a film with too few fish for a fit: given numbers, else Couzin's."""
+    """Return the zones for a film that has too few fish for a fit: given ones, else Couzin's."""
     weights = settings.repulsion_weight, settings.alignment_weight, settings.attraction_weight
     names = [field.name for field in fields(Zones)]
     given = zip(names, (*settings.zone_radii, settings.blind_angle_deg, *weights), strict=True)

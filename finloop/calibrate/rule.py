@@ -19,21 +19,21 @@ from finloop.social.zones import Zones, pull_of_others
 _BURN_IN = 0.1  # share of the steps until the first places are forgotten
 
 
-def fit_film_rule(
+def fit_school_rule(
     film: FilmGroup, settings: CalibrateSettings
 ) -> tuple[SchoolRule, ZoneFit | None]:
-    """Return the rule by which the fish of a film swim together, and the fit of its zones.
+    """Return the rule by which a film's fish swim together, and the fit of its zones.
 
     The fit is None if the film shows too few fish together; then the zones are the given ones, else
     Couzin's.
     """
-    fit = None if describe_shortage(film) else fit_zones(film, settings)
+    fit = None if explain_missing_fit(film) else fit_zones(film, settings)
     zones = fit.zones if fit else default_zones(settings)
     steps = measure_steps_without_others(film, film.rows_with_whole_steps(settings.rows), zones)
     return SchoolRule(zones, steps, film.horizon_frames, settings.similar_steps), fit
 
 
-def describe_shortage(film: FilmGroup) -> str:
+def explain_missing_fit(film: FilmGroup) -> str:
     """Return a sentence on why zones cannot be fitted to a film; "" if they can."""
     first, second = (len(film.rows_for_fit(half, len(film.frame))) for half in (True, False))
     has_steps = len(film.rows_with_whole_steps(1)) > 0
@@ -71,7 +71,7 @@ def measure_steps_without_others(film: FilmGroup, rows: Ints, zones: Zones) -> S
 
 
 def _fit_factor(vectors: Complex, references: Complex) -> float:
-    """Return the factor a ≥ 0 for which vectors ≈ a · references, (n,) each, by least squares.
+    """Return the factor a ≥ 0 that minimises |vectors − a · references|², (n,) each.
 
     It is 0 if all references are 0, or there are none.
     """
@@ -85,7 +85,7 @@ def simulate_point_fish(
     film: FilmGroup, steps: SocialSteps, zones: Zones, settings: CalibrateSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:  # fmt: skip
-    """Return measures, by frame, of simulated point fish that swim by the film's steps and zones.
+    """Simulate point fish that swim by the film's steps and zones; return measures by frame.
 
     There are as many as the film typically shows in a frame. The table has `settings.steps` frames
     and the columns of `SCHOOL`, after a time in which the fish forget their random start.
@@ -98,7 +98,7 @@ def simulate_point_fish(
     for number in range(burn_in + frames):
         pulls = pull_of_others(all_neighbours(place, heading), zones)
         # Each fish draws some steps of the film that began alike: (fish, steps).
-        moves, turns = steps.draw_similar_steps(
+        moves, turns = steps.sample_similar_steps(
             walls.vectors_from_wall(place, heading),
             last * heading.conj(),
             settings.similar_steps,
@@ -108,7 +108,7 @@ def simulate_point_fish(
         inside = walls.is_inside(place + offsets)
         chosen = inside.argmax(axis=0)  # the first move inside the tank; without one a fish stays
         target = np.where(inside.any(axis=0), place + offsets[chosen, every_fish], place)
-        heading = heading * steps.add_pulls(turns[every_fish, chosen], pulls)
+        heading = heading * steps.turn_by_pulls(turns[every_fish, chosen], pulls)
         last, place = target - place, target
         if number >= burn_in:
             places[number - burn_in], headings[number - burn_in] = place, heading

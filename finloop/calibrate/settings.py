@@ -49,6 +49,7 @@ class CalibrateSettings:
     }
 
     def __post_init__(self) -> None:
+        """Raise ValueError if the given radii do not ascend."""
         radii = [radius for radius in self.zone_radii if radius != "auto"]
         if radii != sorted(radii):
             raise ValueError(

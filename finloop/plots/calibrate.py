@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from finloop.social.measures import MEASURES, measure_values
+from finloop.social.measures import MEASURES, values_of_measure
 
 _LABELS = {
     "neighbour_distance": "nearest neighbour (body lengths)",
@@ -21,14 +21,14 @@ _BINS = 30
 
 
 def draw_school_measures(groups: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw how each measure of a school is distributed: a panel per measure, a line per group.
+    """Draw the distribution of each measure of a school: a panel per measure, a line per group.
 
     groups: name of a group, such as a half of the film → its table, with a column per measure.
     """
     figure = Figure(figsize=(12, 6.4), layout="constrained")
     grid = figure.subplots(2, 3)
     for axes, name in zip(grid.flat, MEASURES, strict=False):
-        values_by_group = {group: measure_values(table, name) for group, table in groups.items()}
+        values_by_group = {group: values_of_measure(table, name) for group, table in groups.items()}
         all_values = np.concatenate(list(values_by_group.values()))
         axes.set(xlabel=_LABELS[name], ylabel="density")
         if not len(all_values):

@@ -32,7 +32,7 @@ _PAIRS = 1 << 18  # of fish that are compared at a time: 24 MB, about 90 bytes e
 
 
 def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
-    """Return how fish swim together: a table (`SCHOOL`) with a row per fish per frame.
+    """Measure how fish swim together; return a table (`SCHOOL`) with a row per fish per frame.
 
     Distances, to the nearest fish and to the wall, are in BL, angles 0 … 180°; polarisation is the
     length of the mean heading vector of a frame's fish, 0 … 1, NaN for a lone fish. frame (n,): of
@@ -42,7 +42,7 @@ def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls)
     # Arrays of a line per frame and a column per fish in it, NaN where a frame shows fewer.
     slots = frame_slots(frame)
     row_place, row_heading = complex_vectors(places, headings_deg, walls.length)
-    place, heading = slots.spread(row_place), slots.spread(row_heading)
+    place, heading = slots.to_array(row_place), slots.to_array(row_heading)
     distance, alignment, bearing = _measure_nearest_neighbours(place, heading)
     present = np.isfinite(heading)
     count = present.sum(axis=1)
@@ -84,7 +84,7 @@ def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Float
 
 
 class FrameSlots(NamedTuple):
-    """Where each of n fish of a table stands in an array with a row per frame that shows fish.
+    """The row and column of each of n fish of a table in an array with a row per frame.
 
     row (n,): of its frame in the array; fish (n,): number of the fish in its frame, from 0; shape:
     of the array, its rows and the most fish in a frame.
@@ -94,8 +94,8 @@ class FrameSlots(NamedTuple):
     fish: Ints
     shape: tuple[int, int]
 
-    def spread(self, values: Complex) -> Complex:
-        """Return the table's values (n,) in an array with a row per frame and a column per fish.
+    def to_array(self, values: Complex) -> Complex:
+        """Arrange a table's values (n,) in an array with a row per frame and a column per fish.
 
         It is NaN where a frame shows fewer fish.
         """
@@ -105,7 +105,7 @@ class FrameSlots(NamedTuple):
 
 
 def frame_slots(frame: Ints) -> FrameSlots:
-    """Return where each fish of a table stands in an array with a row per frame.
+    """Return the row and column of each fish of a table in an array with a row per frame.
 
     The fish of a frame fill its row from the left.
     """
@@ -121,7 +121,7 @@ def wasserstein_distances(first: pd.DataFrame, second: pd.DataFrame) -> dict[str
     """
     distances = {}
     for name in MEASURES:
-        a, b = measure_values(first, name), measure_values(second, name)
+        a, b = values_of_measure(first, name), values_of_measure(second, name)
         if len(a) and len(b):
             distances[name] = wasserstein_distance(a, b)
     return distances
@@ -130,13 +130,13 @@ def wasserstein_distances(first: pd.DataFrame, second: pd.DataFrame) -> dict[str
 def compare_groups(
     films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]
 ) -> pd.DataFrame:
-    """Return how far the measures of each simulated group are from those of each film.
+    """Return a table of the distances between the measures of simulated groups and of films.
 
-    The result has one row per group, film and measure: shoal, beside (the film), measure, median
-    (of the group), distance (Wasserstein's, in the unit of the measure).
+    It has one row per group, film and measure: shoal, beside (the film), measure, median (of the
+    group), distance (Wasserstein's, in the unit of the measure).
     """
     rows = [
-        (shoal, film, name, float(np.median(measure_values(table, name))), distance)
+        (shoal, film, name, float(np.median(values_of_measure(table, name))), distance)
         for shoal, table in shoals.items()
         for film, filmed in films.items()
         for name, distance in wasserstein_distances(filmed, table).items()
@@ -145,17 +145,20 @@ def compare_groups(
 
 
 def split_in_halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return a table of `SCHOOL` in two: the first and the second half of the film's time."""
+    """Split a table of `SCHOOL` into the first and the second half of the film's time."""
     first = table["frame"] < middle_frame(table["frame"].to_numpy())
     return table[first], table[~first]
 
 
 def middle_frame(frame: Ints) -> float:
-    """Return the frame number in the middle of the film's time; frame (n,): those with fish."""
+    """Return the frame number in the middle of the film's time; frame (n,): all numbers."""
     return (int(frame.min()) + int(frame.max()) + 1) / 2
 
 
-def measure_values(table: pd.DataFrame, name: str) -> Floats:
-    """Return the values (k,) of one measure without missing ones; polarisation once a frame."""
+def values_of_measure(table: pd.DataFrame, name: str) -> Floats:
+    """Return the values (k,) of one measure in a table, without missing ones.
+
+    Polarisation, which is equal for all fish of a frame, counts once a frame.
+    """
     rows = table.drop_duplicates("frame") if name == "polarisation" else table
     return rows[name].dropna().to_numpy(float)

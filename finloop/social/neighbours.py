@@ -12,7 +12,7 @@ from finloop.base.arrays import Complex, Floats, Reals
 
 
 class Neighbours(NamedTuple):
-    """Where fish (…) see n other fish, three arrays (…, n) relative to the observer's body.
+    """Where each fish (…) sees n other fish, from its own body; arrays (…, n).
 
     distance: body lengths, inf for an absent fish; bearing: unit vectors to the others; heading:
     unit vectors of the others' headings. Both are complex, 1 = ahead, i = left, 0 for an absent
@@ -35,7 +35,7 @@ def complex_vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[
 
 
 def all_neighbours(place: Complex, heading: Complex) -> Neighbours:
-    """Return where each of m fish sees every other one, as `Neighbours` (…, m, m).
+    """Return where each of m fish sees each other one, as `Neighbours` (…, m, m).
 
     place, heading (…, m): complex, body lengths and unit vectors, NaN for absent fish. A fish
     counts as absent for itself.
@@ -50,7 +50,7 @@ def all_neighbours(place: Complex, heading: Complex) -> Neighbours:
 def neighbours_among(
     place: Complex, heading: Complex, other_place: Complex, other_heading: Complex
 ) -> Neighbours:
-    """Return distance, bearing and heading of other fish, as seen from each fish's own body.
+    """Return other fish relative to each fish's own body: distance, bearing and heading.
 
     Places are complex in body lengths, headings complex unit vectors, of other fish NaN where
     absent: in the result their distance is inf, bearing and heading are 0. All four arrays are

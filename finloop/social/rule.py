@@ -50,23 +50,23 @@ class SocialSteps:
 
     @cached_property
     def _step_scales(self) -> tuple[float, float]:
-        """Return the units in which `wall` and `last` are compared: root mean squares, ≥ 1e-9."""
+        """Return the units of `wall` and `last` for the comparison: root mean squares, ≥ 1e-9."""
         wall, last = (float(np.sqrt(np.mean(np.abs(v) ** 2))) for v in (self.wall, self.last))
         return max(wall, 1e-9), max(last, 1e-9)
 
     @cached_property
     def _tree(self) -> scipy.spatial.KDTree:
-        """Search tree of all steps and their mirror images, by how they began."""
+        """Return a search tree of all steps and their mirror images, by how they began."""
         vectors = self._search_vectors(self.wall, self.last)
         mirrored_vectors = vectors * (1, -1, 1, -1)  # ahead stays, left and right are swapped
         return scipy.spatial.KDTree(np.concatenate([vectors, mirrored_vectors]))
 
     def _search_vectors(self, wall: Complex, last: Complex) -> Floats:
-        """Return vectors (…, 4) in which steps are compared: away from the wall, and last step."""
+        """Return vectors (…, 4) by which steps are compared: away from the wall, and last step."""
         wall, last = wall / self._step_scales[0], last / self._step_scales[1]
         return np.stack([wall.real, wall.imag, last.real, last.imag], axis=-1)
 
-    def draw_similar_steps(
+    def sample_similar_steps(
         self, wall: Complex, last: Complex, most_steps: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
         """Return, for m fish, the film's steps that began most like theirs, in random order.
@@ -84,8 +84,8 @@ class SocialSteps:
         move, turn = (np.concatenate([step, step.conj()]) for step in (self.move, self.turn))
         return move[chosen], turn[chosen]
 
-    def add_pulls(self, turns: Complex, pulls: Complex) -> Complex:
-        """Return new headings as unit vectors: turns plus the weighted pulls of other fish.
+    def turn_by_pulls(self, turns: Complex, pulls: Complex) -> Complex:
+        """Return headings after a step as unit vectors: its turns plus the pulls of other fish.
 
         All are complex, of any one shape, relative to the body before the step. A fish goes
         straight on (1) where its turn and the pull cancel.
@@ -129,7 +129,7 @@ class SchoolRule:
 
 
 def require_rule(shoaling: SchoolRule | None) -> SchoolRule:
-    """Return a school's rule unchanged; raise FinloopError if it is None or has no steps."""
+    """Return a school's rule unchanged; FinloopError if it is None or has no steps."""
     if shoaling is None or not len(shoaling.steps.move):
         raise FinloopError(
             "there are no zones for fish in a school"
@@ -178,7 +178,7 @@ def next_place_in_school(
     if pulls[0] == 0:
         return None
     steps, last = shoaling.steps, np.array([fish.last + 0j])
-    moves, _ = steps.draw_similar_steps(
+    moves, _ = steps.sample_similar_steps(
         walls.vectors_from_wall(place, heading), last, shoaling.similar_steps, rng
     )
     ends = place + heading * (moves[0] + steps.move_per_pull * pulls)

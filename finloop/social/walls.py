@@ -22,10 +22,7 @@ class Walls:
 
     @cached_property
     def depth(self) -> Floats:
-        """Return the distance (h, w), in BL, of each pixel from the nearest one outside the arena.
-
-        It is 0 outside.
-        """
+        """Return the distance (h, w), in BL, of each pixel from the wall; 0 outside the arena."""
         walled = np.pad(self.arena.astype(np.uint8), 1)  # outside the picture is outside the arena
         depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         return np.asarray(depth[1:-1, 1:-1], float) / self.length
@@ -58,7 +55,7 @@ class Walls:
         return in_picture & self._values_at_places(self.arena, place)
 
     def _values_at_places(self, values: np.ndarray, place: Complex) -> np.ndarray:
-        """Return the values of the pixels (h, w) that are nearest to places (…).
+        """Return the values of an array (h, w) at the pixels nearest to places (…).
 
         Places outside the picture get the value of the nearest pixel in it.
         """

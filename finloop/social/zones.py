@@ -37,6 +37,7 @@ class Zones:
     attraction_weight: float
 
     def __post_init__(self) -> None:
+        """Raise FinloopError if a number is out of its range."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         wrong = [f"{name}={value}" for name, value in values.items() if not 0 <= value < np.inf]
         if wrong or self.blind_deg > 360:
@@ -49,19 +50,19 @@ class Zones:
 
     @property
     def radii(self) -> tuple[float, float, float]:
-        """Outer radii of repulsion, alignment and attraction, in body lengths."""
+        """Return the outer radii of repulsion, alignment and attraction, in body lengths."""
         return self.repulsion, self.alignment, self.attraction
 
     @property
     def widths(self) -> tuple[float, float, float]:
-        """Widths of repulsion, alignment and attraction, in body lengths; 0 for a missing zone."""
+        """Return the widths of repulsion, alignment and attraction [BL]; 0 for a missing zone."""
         inner, middle, outer = self.radii
         middle = max(inner, middle)
         return inner, middle - inner, max(middle, outer) - middle
 
     @property
     def weights(self) -> tuple[float, float, float]:
-        """Weights of repulsion, alignment and attraction."""
+        """Return the weights of repulsion, alignment and attraction."""
         return self.repulsion_weight, self.alignment_weight, self.attraction_weight
 
 
@@ -74,8 +75,8 @@ NO_ZONES = Zones(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The zones of a fish that ignores the others."""
 
 
-def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: float) -> Complex:
-    """Return how other fish pull a fish: by repulsion, alignment and attraction, unweighted (…, 3).
+def zone_pulls(seen: Neighbours, radii: tuple[float, float, float], blind_deg: float) -> Complex:
+    """Return the unweighted pulls (…, 3) of other fish: repulsion, alignment, attraction.
 
     Each pull is the mean of the neighbours' unit vectors in a zone, complex, relative to the body.
     Alignment and attraction are 0 while a fish is in the zone of repulsion. seen: the others (…,
@@ -103,11 +104,11 @@ def _masked_mean(vectors: Complex, mask: Mask) -> Complex:
 
 
 def pull_of_others(seen: Neighbours, zones: Zones) -> Complex:
-    """Return how other fish pull a fish, by weighted zones: complex (…), relative to its body.
+    """Return the weighted pull (…) of other fish on a fish, complex, relative to its body.
 
     seen: where the others are (…, n). A pull of 1 counts as much as the fish's own direction.
     """
-    return weigh_zone_pulls(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
+    return weigh_zone_pulls(zone_pulls(seen, zones.radii, zones.blind_deg), zones.weights)
 
 
 def weigh_zone_pulls(means: Complex, weights: Sequence[float] | Floats) -> Complex:
