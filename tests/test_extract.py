@@ -80,9 +80,9 @@ from finloop.plots.branches import (
     choose_fish_to_draw,
     figure3_4,
     find_branches,
-    lay_horizontally,
     number_pixels,
     thin_fish,
+    turn_horizontal,
 )
 from finloop.plots.extract import draw_detections
 
@@ -892,9 +892,9 @@ def test_the_picture_shows_the_numbers_of_every_end():
 
 def test_a_fish_that_stands_is_laid_down():
     lying = thin_one_fish(with_open_fin())
-    assert lay_horizontally(lying) is lying
+    assert turn_horizontal(lying) is lying
     standing = thin_one_fish(np.rot90(with_open_fin()).copy(), np.full(SIZE[::-1], 150, np.uint8))
-    fish = lay_horizontally(standing)
+    fish = turn_horizontal(standing)
     assert fish.film.shape == fish.whole.shape == standing.whole.shape[::-1]
     for points in (fish.kept, on_skeleton(fish.branches)):
         assert fish.skeleton[points[:, 1], points[:, 0]].all()

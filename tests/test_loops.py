@@ -63,7 +63,7 @@ from finloop.loops.search import (
 )
 from finloop.plots.improper_loop import figure13, find_most_improper_loop, loop_path_rows
 from finloop.plots.loop_groups import figure12, find_runs, rows_within_loops
-from finloop.plots.loop_routes import figure10, find_three_routes, jump_legs, spell_route
+from finloop.plots.loop_routes import figure10, find_three_routes, jump_legs, route_letters
 from finloop.plots.loops import choose_separate_loops, spread_table_rows
 
 RATE = 20.0
@@ -542,7 +542,7 @@ PAPERS = [tuple(FIG10[end] for end in name) for name in LOOPS_OF_FIG10]
 def test_the_papers_loops_give_the_papers_three_ways():
     three = find_three_routes(within_track(*PAPERS), np.zeros(90, int))
     assert three.ends.tolist() == list(FIG10.values())
-    ways = [spell_route(way, three.ends) for way in three.cases]
+    ways = [route_letters(way, three.ends) for way in three.cases]
     assert ways == ["GHCDEF", "GABCDEF", "GHCDEBCDEF"]
 
 
@@ -789,7 +789,7 @@ def test_the_three_ways_of_a_film_are_drawn_with_a_dotted_line_a_jump(toy, monke
         played = sum(x[1] - x[0] for x in solid if len(x) == 2)
         assert played == sum(b - a for a, b, how in way if how == PLAY)
         named = [text.get_text() for text in axes.texts]
-        assert "".join(named) == spell_route(way, three.ends) and named[0] + named[-1] == "GF"
+        assert "".join(named) == route_letters(way, three.ends) and named[0] + named[-1] == "GF"
         assert axes.texts[0].xy[0] == frame[three.ends[6]]
     plain = " ".join(axes.get_title("left") for axes in lower.axes)
     assert re.findall(r"(\d) jumps?", plain) == ["1", "1", "2"]

@@ -37,7 +37,7 @@ from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.io.video import read_frames
 from finloop.plots import render as plots
-from finloop.plots.parts import crop_part
+from finloop.plots.parts import crop_with_edge_repeated
 from finloop.puppet import PlacedBackbone
 from finloop.render.gallery import CutoutSet, Gallery, place_rows, place_ticks
 from finloop.render.marks import (
@@ -601,8 +601,10 @@ def test_the_sheet_begins_where_most_happens():
 
 def test_a_window_goes_on_beyond_the_edge():
     picture = np.arange(100, dtype=np.uint8).reshape(10, 10)
-    assert np.array_equal(crop_part(picture, 3, 3, 5, 5), picture[3:8, 3:8])
-    assert np.array_equal(crop_part(picture, -1, -1, 3, 3), [[0, 0, 1], [0, 0, 1], [10, 10, 11]])
+    assert np.array_equal(crop_with_edge_repeated(picture, 3, 3, 5, 5), picture[3:8, 3:8])
+    assert np.array_equal(
+        crop_with_edge_repeated(picture, -1, -1, 3, 3), [[0, 0, 1], [0, 0, 1], [10, 10, 11]]
+    )
 
 
 # --- films ---------------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure
 def _draw_distributions(
     axes: Axes, film: Floats, of_modes: Mapping[str, Floats], colours: Mapping[str, str]
 ) -> None:
-    """Draw how often each value of a quantity occurs in the film, and in the modes' animations.
+    """Draw the distribution of a quantity in the film and in each mode's animation.
 
     film: values (n,). of_modes: values by mode. colours: by mode.
     """

@@ -26,7 +26,7 @@ from finloop.extract.samples import TypicalFish
 from finloop.extract.segment import Silhouette
 from finloop.extract.settings import ExtractSettings
 from finloop.plots.extract import judge_silhouettes
-from finloop.plots.parts import crop_part, draw_message
+from finloop.plots.parts import crop_with_edge_repeated, draw_message
 
 _KEPT, _PAPER, _BACKBONE = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
@@ -77,9 +77,9 @@ class ThinnedFish(NamedTuple):
 
     @property
     def difference_px(self) -> int:
-        """Return how many pixels of the two rules' paths lie more than 1 px off the other path.
+        """Return how many pixels of the paper's and finloop's path lie over 1 px off the other one.
 
-        The paths are the first branch, by the paper's rule, and `kept`.
+        The paper's path is the first branch, finloop's is `kept`.
         """
         # (m, k): how far each pixel of one path is from each of the other, along x or y.
         distances = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)
@@ -87,7 +87,7 @@ class ThinnedFish(NamedTuple):
 
 
 def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
-    """Return the number of each pixel of a skeleton, (h, w), counted from a start, as in Fig. 4.
+    """Return for each pixel (h, w) of a skeleton its number of steps from a start, as in Fig. 4.
 
     The start (x, y) has 0, any other pixel one more than its lowest neighbour. So at a joint all
     branches continue with the same number. Pixels that no path joins to the start have −1.
@@ -128,17 +128,17 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
         path = [(x, y)]
         while not taken[y, x]:
             taken[y, x] = True
-            x, y = _step_back(number, x, y)
+            x, y = _previous_pixel(number, x, y)
             path.append((x, y))
         xy = np.array(path[::-1])
         branches.append(SkeletonBranch(xy, number[xy[:, 1], xy[:, 0]]))
     return branches
 
 
-def _step_back(number: Ints, x: int, y: int) -> tuple[int, int]:
-    """Return x, y of the neighbour of a pixel (x, y) with the number before, beside it if possible.
+def _previous_pixel(number: Ints, x: int, y: int) -> tuple[int, int]:
+    """Return the neighbour (x, y) of a skeleton pixel whose number is one lower.
 
-    number (h, w): from `number_pixels`.
+    A neighbour at a side is preferred to one at a corner. number (h, w): from `number_pixels`.
     """
     steps = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
     height, width = number.shape
@@ -168,7 +168,7 @@ def thin_fish(
 def _thin_silhouette(
     silhouette: Silhouette, frame: Picture, label: str, points: int, floor: float, limbs: bool
 ) -> ThinnedFish:
-    """Return a silhouette of a frame, thinned with the pale pixels around it, such as fins.
+    """Thin a silhouette together with the pale pixels around it, such as fins.
 
     label: film and frame. points: number of the backbone's points. floor: a smaller difference from
     the empty tank is noise, grey levels. limbs: whether the animal has limbs, which are cut off
@@ -181,7 +181,7 @@ def _thin_silhouette(
     backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor, limbs)
     alone, _ = close_notches(silhouette.mask, silhouette.field)
     corner = np.array([silhouette.x0 - left, silhouette.y0 - top])
-    film = crop_part(frame, left, top, whole.shape[1], whole.shape[0])
+    film = crop_with_edge_repeated(frame, left, top, whole.shape[1], whole.shape[0])
     return ThinnedFish(
         label=label, film=film, body=body, whole=whole, skeleton=skeleton,
         half_width=half_width, branches=find_branches(skeleton),
@@ -192,7 +192,7 @@ def _thin_silhouette(
 
 
 def _masks_with_pale_pixels(silhouette: Silhouette) -> tuple[Mask, Mask, int, int]:
-    """Return two masks (h, w), a silhouette without and with its pale pixels, and left and top.
+    """Return masks (h, w) of a silhouette without and with its pale pixels, and left and top.
 
     The second is one piece without holes. left, top: x, y px of both in the frame.
     """
@@ -230,7 +230,7 @@ def choose_fish_to_draw(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish],
     most_different: list[ThinnedFish] = []
 
     def branch_order(thinned: ThinnedFish) -> tuple[int, int]:
-        """Return a key for sorting: more side branches first; of as many, longer ones."""
+        """Return a sort key: fish with more side branches first; of equals, with longer ones."""
         branches = thinned.side_branches
         return -len(branches), -sum(len(branch.path) for branch in branches)
 
@@ -260,7 +260,7 @@ def figure3_4(fish: Sequence[ThinnedFish], headline: str) -> Figure:
     """
     if not fish:
         return draw_message("Figs. 3, 4: no isolated fish in the examined frames.")
-    fish = [lay_horizontally(thinned) for thinned in fish]
+    fish = [turn_horizontal(thinned) for thinned in fish]
     # Two rows of panels, each 6 inches wide, and their titles.
     heights = [2 * 6 * thinned.film.shape[0] / thinned.film.shape[1] + 1.1 for thinned in fish]
     figure = Figure(figsize=(12.5, sum(heights) + 0.5), layout="constrained")
@@ -275,8 +275,8 @@ def figure3_4(fish: Sequence[ThinnedFish], headline: str) -> Figure:
     return figure
 
 
-def lay_horizontally(fish: ThinnedFish) -> ThinnedFish:
-    """Return a fish turned by 90°, with all its pictures and points, if it is higher than wide."""
+def turn_horizontal(fish: ThinnedFish) -> ThinnedFish:
+    """Return a fish, with all its pictures and points, turned by 90° if it is higher than wide."""
     height, width = fish.whole.shape
     if height <= width:
         return fish
@@ -296,7 +296,7 @@ def lay_horizontally(fish: ThinnedFish) -> ThinnedFish:
 
 
 def _draw_fish(subfigure: SubFigure, fish: ThinnedFish) -> Axes:
-    """Draw silhouette, skeleton, branches and backbone of a fish; return the last panel's axes."""
+    """Draw a fish's silhouette, skeleton, branches and backbone; return the last panel's axes."""
     panels = subfigure.subplots(2, 2).ravel()
     titles = (
         f"3 (a) {fish.label}: every pixel above the noise, and the silhouette (dashed)",
@@ -363,7 +363,7 @@ def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
 
 
 def _place_label(blocked: Floats, x: int, y: int, label_width: float) -> tuple[float, float]:
-    """Return where to centre (x, y px) the label of a pixel x, y, so that it hides least.
+    """Return where to write the label of a pixel so that it hides least: its centre (x, y) [px].
 
     blocked (h, w): how much each pixel should stay visible; it is raised where the label lies.
     label_width: in px. The place is the pixel itself if there is no room around it.

@@ -56,7 +56,7 @@ def draw_film_check(
 def _draw_curve(
     axes: Axes, time_s: pd.Series, values: pd.Series, least_span: float, **style: Any
 ) -> None:
-    """Draw values over time, with gaps where nothing was measured.
+    """Draw values over time, with gaps where they are missing.
 
     The axis spans at least `least_span`, so that a nearly constant line looks flat. style:
     Matplotlib's, such as label and colour.

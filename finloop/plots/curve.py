@@ -19,16 +19,16 @@ COLUMNS = 6  # pictures in a row of Fig. 6
 Array = NDArray[np.float64]
 
 
-def _draw_curve(
+def _plot_line(
     ax: Axes, points: Array, closed: bool, colour: str = INK, width: float = 1.3
 ) -> None:
-    """Draw a line through points (n, 2); a closed curve returns to its first point."""
+    """Plot a line through points (n, 2); a closed curve returns to its first point."""
     x, y = (np.concatenate([points, points[:1]]) if closed else points).T
     ax.plot(x, y, color=colour, lw=width, solid_capstyle="round")
 
 
 def _fit_axes(ax: Axes, points: Array) -> None:
-    """Let a plot show given points (…, 2), y down, with a margin; hide its axes."""
+    """Set the range of a plot to points (…, 2), y down, with a margin; hide its axes."""
     low, high = points.reshape(-1, 2).min(axis=0), points.reshape(-1, 2).max(axis=0)
     margin = 0.06 * float((high - low).max())
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin))
@@ -37,12 +37,15 @@ def _fit_axes(ax: Axes, points: Array) -> None:
 
 
 def _panel_height(points: Array, width: float) -> float:
-    """Return the height of a panel, with its title, that shows points (…, 2); all in inches."""
+    """Return the height [inches] of a panel that shows points (…, 2), with room for its title.
+
+    width: of the panel, inches.
+    """
     extent_x, extent_y = np.ptp(points.reshape(-1, 2), axis=0) + 1e-9
     return min(3.0, max(0.7, width * float(extent_y / extent_x))) + 0.3
 
 
-def _name_row(ax: Axes, text: str) -> None:
+def _write_row_name(ax: Axes, text: str) -> None:
     """Write the name of a row of panels to the left of its first panel."""
     ax.text(
         -0.08, 0.5, text, transform=ax.transAxes, rotation=90, va="center", ha="right", fontsize=9
@@ -60,15 +63,15 @@ def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
     for row, (wavelet, title) in zip(rows, wavelets, strict=True):
         shapes = [drop_details(curve.points, wavelet, k, curve.closed) for k in LEVELS]
         for ax, k, points in zip(row, LEVELS, shapes, strict=True):
-            _draw_curve(ax, points, curve.closed)
+            _plot_line(ax, points, curve.closed)
             _fit_axes(ax, np.stack(shapes))
             ax.set_title(f"({k})  {n >> k} samples", fontsize=9)
-        _name_row(row[0], title)
+        _write_row_name(row[0], title)
     return figure
 
 
 def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
-    """Draw Fig. 3 of the curve paper: how large the entries of the stiffness matrix K (n, n) are.
+    """Draw Fig. 3 of the curve paper: the sizes of the entries of the stiffness matrix K (n, n).
 
     matrix: K in the wavelet basis. levels: number of scales, which lines separate.
     """
@@ -105,19 +108,22 @@ def figure6(
     parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     axes = parts[0].subplots(rows, COLUMNS, squeeze=False).ravel()
     for ax, points, time in zip(axes, frames, times, strict=False):
-        _draw_curve(ax, rest, closed=True, colour=REST, width=0.8)
-        _draw_curve(ax, points, closed=True)
+        _plot_line(ax, rest, closed=True, colour=REST, width=0.8)
+        _plot_line(ax, points, closed=True)
         ax.set_title(f"τ = {time:.3g}", fontsize=8)
     for ax in axes:
         _fit_axes(ax, all_points)
     parts[0].suptitle(title, fontsize=10)
     if curves:
-        _draw_shares(parts[1].subplots(), curves)
+        _plot_remaining_displacement(parts[1].subplots(), curves)
     return figure
 
 
-def _draw_shares(ax: Axes, curves: Mapping[str, tuple[Array, Array]]) -> None:
-    """Plot shares of a displacement that remain over time, by name: times (k,) and shares (k,)."""
+def _plot_remaining_displacement(ax: Axes, curves: Mapping[str, tuple[Array, Array]]) -> None:
+    """Plot over time how much of a displacement remains, a line for each curve.
+
+    curves: by name, times (k,) and shares (k,) of the first displacement.
+    """
     for colour, (name, (times, shares)) in zip((INK, OTHER), curves.items(), strict=False):
         ax.plot(times, shares, color=colour, lw=1.3, label=name)
         ax.set_xlim(0, times[-1])
@@ -140,11 +146,11 @@ def figure7(
     for index, (row, (name, frames)) in enumerate(zip(rows, shapes, strict=True)):
         for column, (ax, time, points) in enumerate(zip(row, times, frames, strict=True)):
             if fine is not None:
-                _draw_curve(ax, fine[column], closed=True, colour=REST, width=0.8)
-            _draw_curve(ax, points, closed=True)
+                _plot_line(ax, fine[column], closed=True, colour=REST, width=0.8)
+            _plot_line(ax, points, closed=True)
             _fit_axes(ax, all_points)
             if index == 0:
                 ax.set_title(f"τ = {time:.3g}", fontsize=8)
-        _name_row(row[0], f"({'abcdefgh'[index]}) {name}")
+        _write_row_name(row[0], f"({'abcdefgh'[index]}) {name}")
     figure.suptitle(title, fontsize=10)
     return figure

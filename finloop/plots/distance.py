@@ -10,9 +10,9 @@ BLANK = "#F0DFA8"  # no shade of grey: nothing was measured there
 
 
 def rows_of_longest_tracks(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
-    """Return the first `most` rows of a feature table's longest tracks, as rising numbers (k,).
+    """Return the rows (k,) of the film's longest tracks, at most `most` rows, ascending.
 
-    All rows of the longest track come before those of the next, until there are `most`.
+    Tracks are added from the longest on; the last one may be cut off.
     """
     track = features["track_id"]
     track_length = track.groupby(track).transform("size").to_numpy()  # of each row's track
@@ -24,7 +24,7 @@ def figure9(
     distance: NDArray[np.floating], compared: NDArray[np.bool_], track: NDArray[np.integer],
     natural_step: float,
 ) -> Figure:  # fmt: skip
-    """Draw Fig. 9 of the fish paper: distances of all pairs of frames (a), of compared pairs (b).
+    """Draw Fig. 9 of the fish paper: distances of (a) all pairs of frames, (b) the compared pairs.
 
     distance (n, n): Euclidean distances (Eq. 5). compared (n, n): the pairs that Eq. 6 compares,
     those of like motion. track (n,): the track of each frame.

@@ -68,7 +68,7 @@ def draw_detections(
 
 
 def _draw_key(width: int) -> Picture:
-    """Return a key of the colours of all verdicts, as wide as two frames: `width` px."""
+    """Return a legend of the colours of all verdicts, `width` px wide."""
     scale = width / 1800
     key = np.full((int(50 * scale), width, 3), 255, np.uint8)
     for number, (verdict, colour) in enumerate(_COLOURS.items()):

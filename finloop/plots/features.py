@@ -111,9 +111,10 @@ def read_specimens(
     table: pd.DataFrame, tracks: pd.DataFrame, rows: NDArray[np.intp], cutouts: Cutouts,
     background: Picture,
 ) -> Iterator[Specimen]:  # fmt: skip
-    """Yield the fish of some rows, with backbones, head first, and cut-outs over the empty tank.
+    """Yield the fish in some rows: each with its backbone, and its cut-out over the empty tank.
 
-    table, tracks: the feature table and the tracks, which have the same rows. cutouts: by row.
+    table, tracks: the feature table and the tracks, which have the same rows. Backbones run from
+    the head. cutouts: by row.
     """
     backbones = turn_head_first(lists_to_points(tracks, "backbone"), table)
     for row in rows.tolist():

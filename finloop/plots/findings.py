@@ -55,14 +55,14 @@ def draw_film_fault(
     match fault:
         case "flicker":
             later = int(table["light"].diff().abs().idxmax())
-            return _draw_lights([later - 1, later], read_frames)
+            return _draw_light_change([later - 1, later], read_frames)
         case "drift":
             slow = smooth_light(table["light"].interpolate().to_numpy(np.float64), rate_hz)
-            return _draw_lights(sorted([int(slow.argmin()), int(slow.argmax())]), read_frames)
+            return _draw_light_change(sorted([int(slow.argmin()), int(slow.argmax())]), read_frames)
         case "shake":
             return _draw_shake(table[["shift_x", "shift_y"]], tank, read_frames)
         case "doubled":
-            return _draw_repeat(table["change"], read_frames)
+            return _draw_repeated_frame(table["change"], read_frames)
         case "interlaced":
             number = int(table["field_order"].abs().idxmax())
             before, frame = map(np.copy, read_frames([number - 1, number]))
@@ -87,7 +87,7 @@ def draw_animal_fault(
     best_worth, shown = 0.0, None
     for label, frame in frames:
         for silhouette, verdict in judge_silhouettes(frame, scene, typical, arena, settings):
-            worth, marked = _judge_example(fault, silhouette, verdict, frame, typical)
+            worth, marked = _rate_example(fault, silhouette, verdict, frame, typical)
             if worth > best_worth:
                 (height, width), corner = marked.shape, (silhouette.x0, silhouette.y0)
                 outlines = trace_outlines(marked, corner)
@@ -99,12 +99,12 @@ def draw_animal_fault(
     return FaultPicture(picture, f"{_CAPTIONS[fault]}, outlined: {label}.")
 
 
-def _judge_example(
+def _rate_example(
     fault: str, silhouette: Silhouette, verdict: str, frame: Picture, typical: TypicalFish
 ) -> tuple[float, Mask]:
-    """Return how well a silhouette shows a fault, 0 if not at all, and the mask of what to outline.
+    """Return how well a silhouette shows a fault, 0 if not at all, and a mask of what to outline.
 
-    fault, typical: as in `draw_animal_fault`; verdict: of `judge_silhouettes`.
+    fault, typical: as in `draw_animal_fault`. verdict: of `judge_silhouettes`.
     """
     if fault in ("black", "white"):
         height, width = silhouette.mask.shape
@@ -118,8 +118,8 @@ def _judge_example(
     return min(ratio, 1 / ratio) * (verdict == "fish"), silhouette.mask
 
 
-def _draw_lights(numbers: list[int], read_frames: ReadFrames) -> FaultPicture:
-    """Return the left half of one frame beside the right half of another."""
+def _draw_light_change(numbers: list[int], read_frames: ReadFrames) -> FaultPicture:
+    """Return the left half of one frame beside the right half of another, in other light."""
     left, right = map(np.copy, read_frames(numbers))
     height, width = left.shape[:2]
     halves = np.hstack([left[:, : width // 2], right[:, width // 2 :]])
@@ -130,7 +130,7 @@ def _draw_lights(numbers: list[int], read_frames: ReadFrames) -> FaultPicture:
 def _draw_shake(
     shifts: pd.DataFrame, tank: Picture, read_frames: ReadFrames
 ) -> FaultPicture | None:
-    """Return the frame in which the camera has moved farthest, over the empty tank."""
+    """Return the frame in which the camera has moved farthest, laid over the empty tank."""
     away = shifts - shifts.median()
     distance_px = np.hypot(away["shift_x"], away["shift_y"])
     number = int(distance_px.idxmax())
@@ -149,8 +149,8 @@ def _draw_shake(
     return FaultPicture(picture, f"Frame {number} over the still tank: {apart}.")
 
 
-def _draw_repeat(change: pd.Series, read_frames: ReadFrames) -> FaultPicture:
-    """Return one place of three frames, of which the second repeats the first.
+def _draw_repeated_frame(change: pd.Series, read_frames: ReadFrames) -> FaultPicture:
+    """Return the same detail of three frames, of which the second repeats the first.
 
     change: by how much each frame differs from the one before; little at a repeat, and much before
     and after it.
@@ -166,14 +166,14 @@ def _draw_repeat(change: pd.Series, read_frames: ReadFrames) -> FaultPicture:
 
 
 def _most_changed_place(before: Picture, after: Picture) -> Box:
-    """Return the pixel around which two frames (h, w[, 3]) differ most, as a box."""
+    """Return where two frames (h, w[, 3]) differ most, as a box of one pixel."""
     difference = cv2.absdiff(to_grey(before), to_grey(after)).astype(np.float32)
     *_, (x, y) = cv2.minMaxLoc(cv2.blur(difference, (_PLACE_PX, _PLACE_PX)))
     return x, y, 1, 1
 
 
 def _crop_around(frame: Picture, box: Box, outlines: Sequence[Edge] = ()) -> Picture:
-    """Return the part of a frame (h, w[, 3]) around a box, as a small picture (h, w, 3).
+    """Return a small picture (h, w, 3) of the part of a frame (h, w[, 3]) around a box.
 
     The part has the shape 4:3, is _AROUND times as large as the box and at least _CLOSEST_PX wide.
     It is moved into the frame, and reduced where the frame is smaller. outlines: drawn into the

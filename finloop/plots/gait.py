@@ -139,7 +139,7 @@ def _draw_reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
 
 
 def _figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
-    """Draw Fig. 10: the frames of subcycle A, with those of C mapped onto A by symmetry.
+    """Draw Fig. 10: the frames of subcycle A, and those of C mapped onto A by symmetry.
 
     split: phase of key 2, at which A ends, in cycles. Each contour has a cell of its own. Without
     symmetry the frames of A are drawn alone.
@@ -175,7 +175,7 @@ def _figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
 
 
 def _figure11(subcycles: Mapping[SubcycleKey, Subcycle]) -> Figure:
-    """Draw Fig. 11: the share f(τ) of the change between two keys that remains, and its fit by γ.
+    """Draw Fig. 11: how much of the change from key to key remains, f(τ), and its fit by γ.
 
     τ: time from key to key, 0 … 1. Frames of subcycle A are 'o', of B 'x', see MARKS; f of a frame
     is found by least squares over the contour.
@@ -190,7 +190,7 @@ def _figure11(subcycles: Mapping[SubcycleKey, Subcycle]) -> Figure:
         ax.axis("off")
     for ax, name in zip(axes, names, strict=False):
         ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
-        for letter, (mark, ink) in _marks(subcycles).items():
+        for letter, (mark, ink) in _subcycle_marks(subcycles).items():
             subcycle = subcycles[name, letter]
             # Least squares: each frame, a sample, = end + f · (start − end).
             change = (subcycle.start - subcycle.end).ravel()
@@ -216,12 +216,11 @@ def _figure11_gammas(
     descriptor: Descriptor,
     least_motion: float,
 ) -> Figure:
-    """Draw Fig. 11 for γ per scale, coefficient or coordinate: γ over the number of a coefficient.
+    """Draw Fig. 11 as γ over the number of the coefficient, if a γ is shared as `sharing` says.
 
     'o' is subcycle A, 'x' B, see MARKS; the larger a mark, the farther its coefficient moves
     between the keys. Scales lie between upright lines. Within the grey band, |γ| ≤ 1, f(τ) never
-    turns back.
-    descriptor, least_motion: see `Subcycle.fit_gammas`.
+    turns back. descriptor, least_motion: see `Subcycle.fit_gammas`.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     coordinates = "xy" if sharing == "coordinate" else " "
@@ -238,7 +237,7 @@ def _figure11_gammas(
         ax.axhspan(-1, 1, color=GREY, alpha=0.25, lw=0)
         for scale in subcycles[name, "A"].scales[1:]:
             ax.axvline(scale.start + 0.5, color=GREY, lw=0.7)
-        for letter, (mark, ink) in _marks(subcycles).items():
+        for letter, (mark, ink) in _subcycle_marks(subcycles).items():
             subcycle = subcycles[name, letter]
             n = len(subcycle.start)
             fitted = subcycle.fit_gammas(sharing, least_motion)
@@ -259,7 +258,7 @@ def _figure11_gammas(
         ax.yaxis.set_major_formatter("{x:.0f}")
     handles = [
         Line2D([], [], color=ink, marker=mark, mfc="none", ls="--", label=letter)
-        for letter, (mark, ink) in _marks(subcycles).items()
+        for letter, (mark, ink) in _subcycle_marks(subcycles).items()
     ]
     axes[0].legend(handles=handles, title="subcycle", fontsize=7, title_fontsize=7)
     figure.suptitle(
@@ -271,8 +270,8 @@ def _figure11_gammas(
     return figure
 
 
-def _marks(subcycles: Mapping[SubcycleKey, Subcycle]) -> dict[str, tuple[str, str]]:
-    """Return mark and ink by letter of those subcycles that contours have."""
+def _subcycle_marks(subcycles: Mapping[SubcycleKey, Subcycle]) -> dict[str, tuple[str, str]]:
+    """Return, for each subcycle letter that occurs, the mark and the colour in the plots."""
     letters = {letter for _, letter in subcycles}
     return {letter: mark for letter, mark in MARKS.items() if letter in letters}
 
@@ -319,15 +318,16 @@ def _figure14(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
 def _synthesize_contours(
     gait: Gait, keys: Keys, film: GaitContours, phases: Points
 ) -> dict[str, Points]:
-    """Return the contours of a gait at some phases (k,), by name, each (k, n, 2).
+    """Return the contours of a gait at k phases, by name, each (k, n, 2).
 
-    film: tells how much farther right and down each limb hangs than its left-right partner.
+    phases (k,): in cycles. film: tells how much farther right and down each limb hangs than its
+    left-right partner.
     """
     return contours_at_phases(keys, gait, phases, film.layout)
 
 
 def _arrange_poses(frames: Mapping[str, Points]) -> list[list[Pose]]:
-    """Return the pose of each frame, its contours by name, in rows of _COLUMNS poses.
+    """Return the poses of all frames in rows of `_COLUMNS`; a pose has its contours by name.
 
     frames: name → contour in each of k frames, (k, n, 2).
     """
@@ -352,8 +352,8 @@ def _draw_sheet(
 
 
 def _cell_size(rows: Sequence[Sequence[Pose]]) -> Points:
-    """Return width and height of a cell that holds any of some poses, in the unit of the poses."""
-    least, greatest = _bounds(rows)
+    """Return the width and height of a cell that has room for any of the poses in rows."""
+    least, greatest = _pose_bounds(rows)
     width, height = greatest - least
     return np.array([1.08 * width, 1.04 * height + 0.13 * width])  # with room for a title
 
@@ -365,7 +365,7 @@ def _draw_cells(
 
     All are in one plot: a plot for each would take ten times as long.
     """
-    (least, _), (width, height) = _bounds(rows), _cell_size(rows)
+    (least, _), (width, height) = _pose_bounds(rows), _cell_size(rows)
     next_titles = iter(titles)
     for row_number, row in enumerate(rows):
         for column, pose in enumerate(row):
@@ -389,7 +389,7 @@ def _draw_cells(
 
 
 def _open_plot(width: float, height: float, title: str) -> tuple[Figure, Axes]:
-    """Return a figure of a size in inches, filled by one plot without a frame, and the plot."""
+    """Return a figure of a size [inches] and the only plot in it, which has no frame."""
     figure = Figure(figsize=(width, height))
     ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / height))  # 0.3 inches for the title
     ax.set_title(title, fontsize=10)
@@ -403,8 +403,8 @@ def _draw_contour(ax: Axes, points: Points, color: str, lw: float, ls: str = "-"
     ax.plot(*np.concatenate([points, points[:1]]).T, color=color, lw=lw, ls=ls)
 
 
-def _bounds(rows: Sequence[Sequence[Pose]]) -> tuple[Points, Points]:
-    """Return the least x and y, and the greatest x and y, of all poses in some rows.
+def _pose_bounds(rows: Sequence[Sequence[Pose]]) -> tuple[Points, Points]:
+    """Return the least and the greatest x and y, (2,) each, of all poses in rows.
 
     NaN does not count.
     """

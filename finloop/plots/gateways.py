@@ -12,7 +12,7 @@ from finloop.distance.map import MapFacts
 from finloop.distance.reel import Reel
 from finloop.gateways.find import IN, OUT, draw_sprites_and_next
 from finloop.plots.loops import TransitionPictures, spread_table_rows
-from finloop.plots.parts import INK, Picture, join_in_rows, lay_on_grey, write_text
+from finloop.plots.parts import INK, Picture, composite_on_grey, join_in_rows, write_text
 
 Stack = NDArray[np.float32]
 
@@ -28,7 +28,7 @@ _HEADLINES = {
 def gateway_pictures(
     gateways: pd.DataFrame, most: int, reel: Reel, facts: MapFacts
 ) -> Iterator[TransitionPictures]:
-    """Yield the pictures of gateways, in the pose in which they were compared.
+    """Yield the pictures of gateways, in the pose in which their two sides were compared.
 
     At most `most` gateways are shown, evenly spaced from the smallest distance to the largest. A
     picture is (TILE, TILE, c). gateways: columns sprite, row, orientation (0 = any), direction (IN:
@@ -37,13 +37,16 @@ def gateway_pictures(
     by_distance = gateways.sort_values("distance", kind="stable")
 
     @lru_cache(1)  # in the pose BODY all sprites have one orientation
-    def load_sprite_pictures(orientation: int) -> tuple[Stack, Stack]:
-        """Return pictures of the frame after each sprite, and of each sprite, in an orientation."""
+    def load_next_and_sprite_pictures(orientation: int) -> tuple[Stack, Stack]:
+        """Return pictures of the frames after all sprites, and of all sprites.
+
+        orientation: in which they are drawn.
+        """
         return draw_sprites_and_next(reel, TILE, facts.pose, orientation)
 
     for gateway in spread_table_rows(by_distance, most).itertuples():
         sprite, row = reel.sprites.iloc[gateway.sprite], reel.features.iloc[gateway.row]
-        next_pictures, sprite_pictures = load_sprite_pictures(max(1, gateway.orientation))
+        next_pictures, sprite_pictures = load_next_and_sprite_pictures(max(1, gateway.orientation))
         after_sprite = next_pictures[gateway.sprite]
         sprite_itself = sprite_pictures[gateway.sprite]
         inward = gateway.direction == IN
@@ -82,7 +85,9 @@ def _draw_gateway(gateway: TransitionPictures) -> Picture:
     """
     mean = ((gateway.natural + gateway.instead) / 2).astype(np.float32)
     stacks = (gateway.before, gateway.natural, gateway.instead, mean)
-    picture = np.hstack([lay_on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
+    picture = np.hstack(
+        [composite_on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks]
+    )
     for text, y in ((gateway.above, 12), (gateway.below, TILE - 5)):
         write_text(picture, text, (4, y), INK, font_scale=0.36)
     cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, TILE - 1), (235,) * 3, thickness=2)

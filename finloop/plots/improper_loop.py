@@ -14,7 +14,7 @@ from finloop.distance.reel import Reel
 from finloop.features.current import places_through_water
 from finloop.features.table import infer_delta_frames, wrap_deg
 from finloop.loops.search import measure_travel
-from finloop.plots.loops import SIZE_PX, lay_on_light, rows_with_fish
+from finloop.plots.loops import SIZE_PX, composite_on_light_grey, rows_with_fish
 from finloop.plots.parts import draw_arrow, unit_vectors
 
 _HEADING, _TRAVEL = "#009E73", "#D55E00"  # Okabe-Ito
@@ -120,14 +120,14 @@ def figure13(
     lower.suptitle("the fish at a and b: alike enough for a jump", fontsize=11)
     panels = lower.subplots(1, 2)
     for axes, picture, letter, row in zip(panels, pictures, "ab", (loop.a, loop.b), strict=True):
-        axes.imshow(lay_on_light(picture[band]))
+        axes.imshow(composite_on_light_grey(picture[band]))
         axes.axis("off")
         axes.set_title(f"{letter}: frame {features['frame'].iloc[row]}", fontsize=10)
     return figure
 
 
 def _rows_to_show(loop: ImproperLoop) -> dict[str, int]:
-    """Return the rows at which the fish is drawn, by letter: both ends, or the improper end."""
+    """Return the rows at which to draw the fish, by letter: both ends, or the improper end."""
     if loop.place == BETWEEN_ENDS:
         return {"a": loop.a, "b": loop.b}
     return {"a": loop.a} if loop.place == AT_A else {"b": loop.b}
@@ -173,7 +173,7 @@ def _draw_loop_path(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film
 
 
 def _draw_angle_off_travel(axes: Axes, loop: ImproperLoop, middle: Floats, length: float) -> None:
-    """Draw a loop's mean heading as an arrow, and its angle off the travel as an arc with a size.
+    """Draw a loop's mean heading as an arrow, and its angle to the travel as an arc with a text.
 
     middle (2,): where both begin, px; length: of the body, px.
     """

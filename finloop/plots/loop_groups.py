@@ -37,7 +37,7 @@ def find_runs(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
 
 
 def rows_within_loops(loops: pd.DataFrame, track_id: Rows) -> Mask:
-    """Return a mask (n,) of the film's rows that lie between the two ends of any loop, or are ends.
+    """Return a mask (n,) of the rows that lie between the ends of any loop, the ends included.
 
     Of a loop between two tracks only its ends count. track_id (n,): the track of each row.
     """
@@ -61,7 +61,7 @@ def figure12(
     loops, and the parts of the film that can be played for ever. graph: of all loops.
     """
     track_id = features["track_id"].to_numpy()
-    heights = (3.2, 0.45 + 0.28 * _count_lines(loops["group"].nunique()), 1.5)
+    heights = (3.2, 0.45 + 0.28 * _count_group_lines(loops["group"].nunique()), 1.5)
     figure = Figure(figsize=(12.5, sum(heights) + 1.6), layout="constrained")
     track_panel, group_panel, ends_panel = figure.subplots(3, 1, sharex=True, height_ratios=heights)
     _draw_track_loops(track_panel, loops, track_id, rate_hz)
@@ -111,8 +111,9 @@ def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: 
         axes.broken_barh(bars[colour], (-0.12, 0.1), color=colour)
         axes.add_collection(LineCollection(arcs[colour], colors=colour, lw=0.9, alpha=0.8))
     axes.set_title(
-        f"{_with_noun(len(within), 'loop')} within a track, {_with_noun(count, 'group')}: "
-        f"a bar a group, with its number of loops; arcs: {drawn} of the loops",
+        f"{_count_with_noun(len(within), 'loop')} within a track, "
+        f"{_count_with_noun(count, 'group')}: a bar a group, with its number of loops; "
+        f"arcs: {drawn} of the loops",
         loc="left", fontsize=10,
     )  # fmt: skip
 
@@ -126,7 +127,7 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
     count = loops["group"].nunique()
     joins_tracks = loops["length_s"].isna()  # a loop between two tracks has no length
     contents = []
-    for line in range(_count_lines(count)):
+    for line in range(_count_group_lines(count)):
         group = loops[loops["group"] == line] if line < _LINES else loops[loops["group"] >= line]
         covered, colour = rows_within_loops(group, track_id), OTHER if line else LARGEST
         parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in find_runs(covered, track_id)]
@@ -134,7 +135,9 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
         if line:  # the largest group joins tracks too often to draw each join
             joins = group[joins_tracks[group.index]][["a", "b"]].to_numpy() / rate_hz
             axes.hlines(np.full(len(joins), line), *joins.T, color=colour, lw=0.8)
-        content = f"{_with_noun(len(group), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"
+        content = (
+            f"{_count_with_noun(len(group), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"
+        )
         contents.append(content if line < _LINES else f"{count - _LINES} more groups: {content}")
     lines = range(len(contents))
     axes.set(ylim=(len(contents) - 0.4, -0.6), yticks=lines)
@@ -144,20 +147,20 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
     side.set_yticks(lines, contents, fontsize=8)
     side.tick_params(length=0)
     axes.set_title(
-        f"all {_with_noun(len(loops), 'loop')}: {_with_noun(count, 'group')}; "
+        f"all {_count_with_noun(len(loops), 'loop')}: {_count_with_noun(count, 'group')}; "
         f"{int(joins_tracks.sum())} of the loops join two tracks (lines) and lie over their two "
         "ends alone",
         loc="left", fontsize=10,
     )  # fmt: skip
 
 
-def _count_lines(groups: int) -> int:
-    """Return how many lines show the groups: one for each, and one for all beyond `_LINES`."""
+def _count_group_lines(groups: int) -> int:
+    """Return the number of lines for groups: one each, and one for all beyond `_LINES`."""
     return min(groups, _LINES + 1)
 
 
-def _with_noun(number: int, noun: str) -> str:
-    """Return a number with its noun, as "1 loop" or "3 loops"."""
+def _count_with_noun(number: int, noun: str) -> str:
+    """Return a count with its noun, such as "1 loop" or "3 loops"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
@@ -190,7 +193,7 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
     axes.xaxis.set_label_position("top")
     axes.set_title(
         "where the film can be played for ever; below, the longest of "
-        f"{_with_noun(len(dead_ends), 'dead end')}",
+        f"{_count_with_noun(len(dead_ends), 'dead end')}",
         loc="left", fontsize=10,
     )  # fmt: skip
 

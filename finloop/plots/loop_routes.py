@@ -15,7 +15,13 @@ from finloop.base.arrays import Floats, Ints
 from finloop.distance.reel import Reel
 from finloop.loops.graph import JUMP, PLAY, Leg, build_loop_graph, find_routes
 from finloop.loops.positions import LETTERS, merge_play_legs
-from finloop.plots.loops import SIZE_PX, arc_points, lay_on_light, rows_with_fish, spread_table_rows
+from finloop.plots.loops import (
+    SIZE_PX,
+    arc_points,
+    composite_on_light_grey,
+    rows_with_fish,
+    spread_table_rows,
+)
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # Okabe-Ito, of L1 … L4
 _HALO = [withStroke(linewidth=3, foreground="white")]
@@ -40,7 +46,7 @@ class ThreeRoutes(NamedTuple):
 
 
 def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None:
-    """Return four loops as in the fish paper's Fig. 10a, and three routes; None without such loops.
+    """Return four loops as in Fig. 10a of the fish paper, and three routes; None if there are none.
 
     The loops belong to one track; A … H are their eight ends, ordered in time. F, G and H jump back
     to before F. So from G the film can jump at once, or play on to H and jump from there. The
@@ -69,7 +75,7 @@ def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None
 
 
 def _least_gap_shares(pairs: Ints) -> Floats:
-    """Return the least time between two ends of four loops, as a share of the time that they span.
+    """Return the least time between two ends of four loops, relative to the time that they span.
 
     pairs (n, 4, 2): rows of one track, the ends of n choices of four loops. The share (n,) is 0
     where the loops do not lie as in the paper, see `find_three_routes`.
@@ -113,8 +119,8 @@ def jump_legs(route: Sequence[Leg]) -> list[Leg]:
     return [leg for leg in route if leg.kind == JUMP]
 
 
-def spell_route(route: Sequence[Leg], ends: Rows) -> str:
-    """Return a route in the letters of the fish paper, such as GHCDEF.
+def route_letters(route: Sequence[Leg], ends: Rows) -> str:
+    """Return the letters of the loop ends along a route, as in the fish paper: GHCDEF.
 
     ends: rows of the loop ends A, B …, in rising order.
     """
@@ -149,7 +155,7 @@ def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> 
     for number, (axes, route) in enumerate(zip(panels, three.cases, strict=True), start=1):
         _draw_route(axes, route, three.ends, frame)
         axes.set(xlim=limits)
-        axes.set_title(_describe_case(number, route, three, natural_step), loc="left", fontsize=10)
+        axes.set_title(_route_title(number, route, three, natural_step), loc="left", fontsize=10)
     words = "(b) three ways from G to F: solid, frames played successively; dotted, a jump"
     lower.suptitle(words, x=0.005, ha="left")
     return figure
@@ -183,9 +189,9 @@ def _draw_loops(axes: Axes, three: ThreeRoutes, frame: Rows) -> None:
 def _draw_fish_at_ends(
     subfigure: SubFigure, three: ThreeRoutes, reel: Reel, pose: str, frame: Rows
 ) -> None:
-    """Draw the pictures of the fish at the eight ends side by side.
+    """Draw the fish at the eight loop ends A … H, side by side.
 
-    pose: the pose in which they were compared. frame (n,): the frame of each row.
+    pose: the pose in which the ends were compared. frame (n,): the frame of each row.
     """
     pictures = reel.draw_rows(three.ends.astype(np.intp), SIZE_PX, pose)
     band = rows_with_fish(pictures)
@@ -197,7 +203,7 @@ def _draw_fish_at_ends(
     for axes, picture, letter, row, colour in zip(
         panels, pictures, LETTERS, three.ends, colours, strict=False
     ):
-        axes.imshow(lay_on_light(picture[band]))
+        axes.imshow(composite_on_light_grey(picture[band]))
         axes.set(xticks=[], yticks=[])
         for spine in axes.spines.values():
             spine.set(color=colour, linewidth=2.5)
@@ -237,9 +243,7 @@ def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> No
     axes.axis("off")
 
 
-def _describe_case(
-    number: int, route: Sequence[Leg], three: ThreeRoutes, natural_step: float
-) -> str:
+def _route_title(number: int, route: Sequence[Leg], three: ThreeRoutes, natural_step: float) -> str:
     """Return the title of a route: its letters, number of frames, and the distances of its jumps.
 
     number: of the case, from 1. natural_step: the unit of the distances.
@@ -254,6 +258,6 @@ def _describe_case(
         f"{distance_of_loop[frozenset((jump.from_row, jump.to_row))]:.2f}" for jump in jumps
     )
     return (
-        f"case {number}: {spell_route(route, three.ends)}   {frames} frames, {len(jumps)} jump"
+        f"case {number}: {route_letters(route, three.ends)}   {frames} frames, {len(jumps)} jump"
         f"{'s' if len(jumps) > 1 else ''} of {distances} natural steps"
     )

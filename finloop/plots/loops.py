@@ -33,10 +33,10 @@ def spread_table_rows(table: pd.DataFrame, most: int) -> pd.DataFrame:
 def arc_points(
     a: NDArray[np.floating], b: NDArray[np.floating], longest: float | None = None
 ) -> NDArray[np.float64]:
-    """Return a half ellipse over a time axis for each of n spans of time, as points (n, 40, 2).
+    """Return an arc, a half ellipse over a time axis, for each of n time spans: points (n, 40, 2).
 
-    a, b (n,): begin and end of the spans. A point is a time and a height; a span's arc is
-    √(its length / longest) high. longest: None = the length of the longest span.
+    a, b (n,): begin and end of the spans. A point is a time and a height; a span's arc is √(its
+    length / longest) high. longest: None = the length of the longest span.
     """
     angle = np.linspace(0, np.pi, 40)
     middle, half = (a + b)[:, None] / 2, (b - a)[:, None] / 2
@@ -138,8 +138,9 @@ class TransitionPictures(NamedTuple):
 
 
 def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[TransitionPictures]:
-    """Yield the pictures of each loop: the row before its end a, row a, and row b in its place.
+    """Yield three pictures of each loop: before the jump, as the film goes on, and after the jump.
 
+    They are the row before the loop's end a, row a, and row b, which the jump shows in place of a.
     Where a track begins at a, row a stands for the row before. loops: columns a, b, distance,
     filtered. reel: the film's cut-outs and features. facts: how the distance map was made.
     """
@@ -157,7 +158,7 @@ def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[
 
 
 def choose_separate_loops(loops: pd.DataFrame, min_rows_apart: int, count: int) -> list[int]:
-    """Return the positions in their table of at most `count` loops whose ends lie apart in time.
+    """Choose at most `count` loops whose ends lie apart in time; return their table positions.
 
     The loops are taken in the order of the table; one with an end that is not more than
     `min_rows_apart` rows from an end of a loop taken before is left out.
@@ -172,7 +173,7 @@ def choose_separate_loops(loops: pd.DataFrame, min_rows_apart: int, count: int) 
 
 
 def figure8(best: Sequence[TransitionPictures], worst: Sequence[TransitionPictures]) -> Figure:
-    """Draw Fig. 8 of the fish paper for the best and the worst loops, four pictures each.
+    """Draw Fig. 8 of the fish paper: four pictures of each of the best and the worst loops.
 
     They are the last frame, the film's next, the loop's next, and the difference of the last two.
     """
@@ -192,23 +193,23 @@ def figure8(best: Sequence[TransitionPictures], worst: Sequence[TransitionPictur
         for axes in panels:
             axes.axis("off")
         for axes, loop in zip(panels, loops, strict=False):
-            last, natural, instead = (lay_on_light(picture) for picture in loop[:3])
+            last, natural, instead = (composite_on_light_grey(picture) for picture in loop[:3])
             difference = np.clip(0.5 + 1.5 * (instead - natural), 0, 1)  # grey: none; × 3
             axes.imshow(np.hstack([last, natural, instead, difference])[band])
             axes.set_title(loop.above, fontsize=8, loc="left", pad=2)
     return figure
 
 
-def lay_on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
-    """Return a premultiplied picture (h, w, c), 0 … 1, over light grey: RGB (h, w, 3), 0 … 1."""
+def composite_on_light_grey(picture: NDArray[np.float32]) -> NDArray[np.floating]:
+    """Composite a premultiplied picture (h, w, c) over light grey; return RGB (h, w, 3), 0 … 1."""
     blended = picture[..., :-1] + (1 - picture[..., -1:]) * 0.8
     return np.clip(np.broadcast_to(blended, (*blended.shape[:-1], 3)), 0, 1)
 
 
 def rows_with_fish(pictures: NDArray[np.float32]) -> slice:
-    """Return the pixel rows in which any of k pictures (k, h, w, c) shows fish, with a margin.
+    """Return the slice of pixel rows in which any of k pictures (k, h, w, c) shows fish.
 
-    The last channel of a picture is its alpha, 0 … 1.
+    It has a small margin. The last channel of a picture is its alpha, 0 … 1.
     """
     rows = np.flatnonzero(np.any(pictures[..., -1] > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)

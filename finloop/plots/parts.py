@@ -20,7 +20,7 @@ _GROUND = 205  # grey level that a cut-out lies on
 def draw_empty_tank(
     background: Picture, alpha: float, key_inches: float = 0.0
 ) -> tuple[Figure, Axes]:
-    """Return a figure with the picture of the empty tank, and its axes, in px of the film.
+    """Draw the picture of the empty tank; return the figure and its axes, in px of the film.
 
     background: (h, w) grey or (h, w, 3) RGB. alpha: opacity of the picture, 0 … 1. key_inches:
     height left free for a key.
@@ -52,9 +52,9 @@ def draw_heading_arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
 
 
 def join_in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
-    """Return a picture per row of `columns` tiles (h, w, 3), which have one size.
+    """Join tiles (h, w, 3) of one size side by side; return one picture per row of tiles.
 
-    White tiles fill the last row. Without tiles there is no row.
+    columns: tiles in a row; white tiles fill the last row. Without tiles there is no row.
     """
     missing = -len(tiles) % columns
     white_tiles = [np.full_like(tiles[0], 255)] * missing if tiles else []
@@ -62,15 +62,23 @@ def join_in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
     return [np.hstack(tiles[start : start + columns]) for start in range(0, len(tiles), columns)]
 
 
-def crop_part(picture: Picture, left: int, top: int, width: int, height: int) -> Picture:
-    """Return a part of a picture, in px; beyond the picture its last pixels are repeated."""
+def crop_with_edge_repeated(
+    picture: Picture, left: int, top: int, width: int, height: int
+) -> Picture:
+    """Return a rectangle of a picture; beyond the picture its edge pixels are repeated.
+
+    left, top, width, height: of the rectangle, px.
+    """
     columns = np.clip(np.arange(left, left + width), 0, picture.shape[1] - 1)
     rows = np.clip(np.arange(top, top + height), 0, picture.shape[0] - 1)
     return picture[rows[:, None], columns]
 
 
 def stack_pictures(pictures: Sequence[Picture]) -> Picture:
-    """Return pictures (h, w, 3) of any sizes in one column, resized to the width of the first."""
+    """Stack pictures (h, w, 3) below each other; return one, as wide as the first.
+
+    The others are resized to this width.
+    """
     width = pictures[0].shape[1]
     column = [pictures[0]]
     for picture in pictures[1:]:
@@ -84,8 +92,8 @@ def convert_to_colour(picture: Picture) -> Picture:
     return np.dstack([picture] * 3 if picture.ndim == 2 else [picture])
 
 
-def lay_on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
-    """Return a picture (h, w, 3) of premultiplied colours (h, w, 1 or 3), 0 … 255, over grey.
+def composite_on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
+    """Composite premultiplied colours (h, w, 1 or 3), 0 … 255, over grey; return (h, w, 3).
 
     alpha (h, w, 1): 0 … 1.
     """

@@ -3,7 +3,7 @@
 import numpy as np
 
 from finloop.base.cutout import Cutouts
-from finloop.plots.parts import INK, Picture, join_in_rows, lay_on_grey, write_text
+from finloop.plots.parts import INK, Picture, composite_on_grey, join_in_rows, write_text
 from finloop.pose.film import FilmPoses
 from finloop.puppet import draw_in_pose
 
@@ -12,7 +12,7 @@ _SIZE = 150  # px, width of a tile
 
 
 def draw_shapes(poses: FilmPoses, cutouts: Cutouts) -> Picture:
-    """Return a picture (h, w, 3) of the first principal shapes of the pose, a row of tiles each.
+    """Return a picture (h, w, 3) of the first principal shapes of the pose, one per row of tiles.
 
     A row shows one animal in the mean pose and at `TIMES` standard deviations from it. The animal
     is that of the film whose pose is nearest to the mean.
@@ -28,7 +28,7 @@ def draw_shapes(poses: FilmPoses, cutouts: Cutouts) -> Picture:
             codes[number] = times * np.sqrt(shapes.variance[number])
             pose = poses.pose_from_codes(row, codes).move_to(middle, middle, 0, length)
             picture = 255 * draw_in_pose(cutouts[row], poses.pose[row], pose, (_SIZE, _SIZE))
-            tile = lay_on_grey(picture[..., :-1], picture[..., -1:] / 255)
+            tile = composite_on_grey(picture[..., :-1], picture[..., -1:] / 255)
             write_text(tile, f"{number + 1}: {share:.1f} %, {times:+d} sd", (4, 12), INK, 0.35)
             tiles.append(tile)
     return np.vstack(join_in_rows(tiles, len(TIMES)))

@@ -18,7 +18,7 @@ from finloop.edit.schema import FRAME, SPOT, Goal, split_by_fish
 from finloop.plots.parts import (
     Picture,
     convert_to_colour,
-    crop_part,
+    crop_with_edge_repeated,
     draw_empty_tank,
     draw_heading_arrows,
     join_in_rows,
@@ -132,7 +132,7 @@ class Tile(NamedTuple):
 
 
 def find_liveliest_start(edit: pd.DataFrame, count: int) -> int:
-    """Return the first of those `count` successive ticks in which the heading turns most.
+    """Return the first tick of those `count` successive ones in which the heading turns most.
 
     edit: of one fish. Turns to both sides add up.
     """
@@ -181,7 +181,10 @@ def choose_sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, li
 
 
 def ticks_around_switch(tick: int, count: int) -> range:
-    """Return `BEFORE` ticks before a switch and `AFTER` from it on, moved into 0 … count − 1."""
+    """Return the ticks to show around a switch: `BEFORE` ticks before it, `AFTER` from it on.
+
+    They are moved into 0 … count − 1, where count is the number of ticks of the animation.
+    """
     first = max(0, min(tick - BEFORE, count - BEFORE - AFTER))
     return range(first, min(first + BEFORE + AFTER, count))
 
@@ -199,7 +202,7 @@ def cut_tiles(
     for tick, placed in zip(ticks, fish, strict=True):
         painter.show(placed)
         left, top = round(placed.x_px) - half_px, round(placed.y_px) - half_px
-        film = crop_part(painter.frame, left, top, 2 * half_px + 1, 2 * half_px + 1)
+        film = crop_with_edge_repeated(painter.frame, left, top, 2 * half_px + 1, 2 * half_px + 1)
         tiles.append(Tile(film, tick, names[tick], colours[names[tick]], placed.weight))
     return tiles
 
@@ -214,7 +217,7 @@ def draw_tiles(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int =
 
 
 def _draw_tile(tile: Tile, size: int) -> Picture:
-    """Return a tile, `size` px wide, below a bar with its tick, name and share of fading.
+    """Return a tile, `size` px wide, below a bar that states its tick, name and fading.
 
     A white frame of 1 px surrounds both.
     """

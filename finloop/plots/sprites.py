@@ -9,7 +9,7 @@ import pandas as pd
 
 from finloop.base.cutout import Cutout
 from finloop.features.table import count_orientations, orientation_heading_deg
-from finloop.plots.parts import INK, Picture, join_in_rows, lay_on_grey, write_text
+from finloop.plots.parts import INK, Picture, composite_on_grey, join_in_rows, write_text
 
 
 def draw_sprites(
@@ -23,10 +23,10 @@ def draw_sprites(
     tile, px. The picture is (h, w, 3).
     """
     count = count_orientations(sprites)
-    reach = _greatest_reach(sprites, load_cutout)  # all tiles have one scale
+    reach = _farthest_from_pivot_px(sprites, load_cutout)  # all tiles have one scale
 
     def draw_orientation(row: Any, orientation: int, above: str, below: str) -> Picture:
-        """Return a tile with a sprite, a row of the table, in an orientation, and two texts."""
+        """Return a tile that shows a sprite in an orientation, with texts above and below."""
         return _draw_tile(load_cutout(row.sprite, orientation), row, reach, size, above, below)
 
     bands = []
@@ -47,10 +47,13 @@ def draw_sprites(
     return np.vstack([*bands, *join_in_rows(tiles, columns)])
 
 
-def _greatest_reach(sprites: pd.DataFrame, load_cutout: Callable[[int, int], Cutout]) -> int:
-    """Return how far [px] a cut-out reaches from its pivot at most, lying and a quarter turned.
+def _farthest_from_pivot_px(
+    sprites: pd.DataFrame, load_cutout: Callable[[int, int], Cutout]
+) -> int:
+    """Return the largest distance [px] along x or y from a pivot to an edge of its cut-out.
 
-    sprites, load_cutout: as in `draw_sprites`.
+    Each sprite is measured in two orientations, a quarter turn apart. sprites, load_cutout: as in
+    `draw_sprites`.
     """
     reach = 1
     for row in sprites.itertuples():
@@ -73,7 +76,7 @@ def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, belo
     to_tile = np.array([[scale, 0, size / 2 - scale * x], [0, scale, size / 2 - scale * y]])
     pixels = cutout.pixels.astype(np.float32)
     scaled = np.clip(cv2.warpAffine(pixels, to_tile, (size, size), flags=cv2.INTER_CUBIC), 0, 255)
-    tile = lay_on_grey(scaled[..., :-1], scaled[..., -1:] / 255)
+    tile = composite_on_grey(scaled[..., :-1], scaled[..., -1:] / 255)
     middle = size // 2
     white, grey = (255, 255, 255), (225, 225, 225)
     cv2.drawMarker(tile, (middle, middle), white, cv2.MARKER_CROSS, markerSize=5, thickness=1)

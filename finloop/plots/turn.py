@@ -15,7 +15,7 @@ from finloop.features.area import closed_spline_points, control_points
 from finloop.features.swimming_type import STRAIGHT, WORDS
 from finloop.features.table import infer_delta_frames
 from finloop.plots.features import Specimen
-from finloop.plots.parts import crop_part, draw_arrow, unit_vectors
+from finloop.plots.parts import crop_with_edge_repeated, draw_arrow, unit_vectors
 
 _BACKBONE, _AREA, _HEADING = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _MOST = 6  # Δ between two frames of the figure
@@ -41,7 +41,7 @@ def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
 
 
 def _clear_turn_deg(features: pd.DataFrame, k: int, delta: int) -> Floats:
-    """Return by how many degrees the heading turns in the 2k frames after each row, (rows − 2k,).
+    """Return by how much (rows − 2k,) the heading turns in the 2k frames after each row [degrees].
 
     The result is ≥ 0, and 0 without a clear turn. k, delta: the time between two pictures, and the
     time in which motion is measured, in frames.
@@ -88,17 +88,17 @@ def figure5(
     panels = upper.subplots(2, len(rows))
     side = round(_WINDOW * max(float(specimen.row["body_length_px"]) for specimen in fish))
     delta, k = infer_delta_frames(features), int(rows[1] - rows[0])
-    turned_deg = [None, *heading_change_deg(features, rows[:-1], k, delta).tolist()]
+    turns_deg = [None, *heading_change_deg(features, rows[:-1], k, delta).tolist()]
     times = "(a)  t0", "(b)  t0 + k", "(c)  t0 + 2k"
-    for number, (specimen, turned) in enumerate(zip(fish, turned_deg, strict=True)):
+    for number, (specimen, turned_deg) in enumerate(zip(fish, turns_deg, strict=True)):
         filmed, measured = panels[:, number]
         film, corner = _crop_around_fish(specimen, background, side)
         for axes in (filmed, measured):
             axes.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
             axes.axis("off")
         filmed.set_title(f"{times[number]}: frame {specimen.row['frame']:.0f}")
-        _draw_measures(measured, specimen, corner, turned)
-        measured.set_title(_describe_measures(specimen, number, turned), fontsize=11)
+        _draw_measures(measured, specimen, corner, turned_deg)
+        measured.set_title(_describe_measures(specimen, number, turned_deg), fontsize=11)
     # The texts, and the turn over time.
     in_deltas = "Δ" if k == delta else f"{k // delta}Δ"
     frames = f"k = {in_deltas} = {k} frame{'s' if k > 1 else ''}"
@@ -115,16 +115,17 @@ def figure5(
     return figure
 
 
-def _describe_measures(specimen: Specimen, number: int, turned: float | None) -> str:
-    """Return the title of a picture with measures: motion area, swimming type, included angle.
+def _describe_measures(specimen: Specimen, number: int, turned_deg: float | None) -> str:
+    """Return a picture's title with its measures: motion area, swimming type, included angle.
 
-    number: of the picture, from 0. turned: degrees since the previous picture, None for the first.
+    number: of the picture, from 0. turned_deg: degrees since the previous picture, None for the
+    first.
     """
     row = specimen.row
     title = f"({'abc'[number]}′)  motion area {row['motion_area_rel']:.2f}, "
     title += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
-    if turned is not None:
-        angle = f"{turned:+.0f}".replace("-", "−")
+    if turned_deg is not None:
+        angle = f"{turned_deg:+.0f}".replace("-", "−")
         title += f"included angle {angle}° since ({'abc'[number - 1]})"
     return title
 
@@ -142,15 +143,16 @@ def _crop_around_fish(
     low, high = specimen.backbone.min(0), specimen.backbone.max(0)
     corner = np.round((low + high - side) / 2).astype(np.intp)
     left, top = corner.tolist()
-    return crop_part(film, left, top, side, side), corner
+    return crop_with_edge_repeated(film, left, top, side, side), corner
 
 
 def _draw_measures(
-    axes: Axes, specimen: Specimen, corner: NDArray[np.intp], turned: float | None
+    axes: Axes, specimen: Specimen, corner: NDArray[np.intp], turned_deg: float | None
 ) -> None:
     """Draw the motion area, the backbone and the heading over a picture of the fish.
 
-    corner: x, y of the picture's upper left pixel in the tank. turned: as in `_describe_measures`.
+    corner: x, y of the picture's upper left pixel in the tank. turned_deg: as in
+    `_describe_measures`.
     """
     axes.images[0].set_alpha(0.55)
     limits = axes.get_xlim(), axes.get_ylim()
@@ -166,11 +168,11 @@ def _draw_measures(
     )  # fmt: skip
     head, heading = control[0], specimen.row["heading_deg"]
     reach = 0.25 * float(specimen.row["body_length_px"])
-    if turned is not None:
-        before = heading - turned
+    if turned_deg is not None:
+        before = heading - turned_deg
         ahead = head + reach * unit_vectors(before)
         draw_arrow(axes, head, ahead, color="0.35", ls=(0, (3, 2)), lw=1.5)
-        arc = head + 0.6 * reach * unit_vectors(before + np.linspace(0, turned, 40))
+        arc = head + 0.6 * reach * unit_vectors(before + np.linspace(0, turned_deg, 40))
         axes.plot(*arc.T, color="0.35", lw=1)
     draw_arrow(axes, head, head + reach * unit_vectors(heading), color=_HEADING, lw=2.5)
     axes.set(xlim=limits[0], ylim=limits[1])
@@ -185,14 +187,16 @@ def _draw_turn_over_time(
     shown = shown[track[shown] == track[rows[0]]]
     frame = features["frame"].to_numpy()
     area = features["motion_area_rel"].to_numpy(float)
-    turned = np.unwrap(features["heading_deg"].to_numpy(float)[shown], period=360)
-    turned -= turned[np.searchsorted(shown, rows[0])]
+    turned_deg = np.unwrap(features["heading_deg"].to_numpy(float)[shown], period=360)
+    turned_deg -= turned_deg[np.searchsorted(shown, rows[0])]
     axes = subfigure.subplots()
     axes.plot(frame[shown], area[shown], ".-", color=_AREA, label="motion area (left)")
     axes.set(xlabel="frame", ylabel="motion area (relative)", ylim=(0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     heading_axes = axes.twinx()
-    heading_axes.plot(frame[shown], turned, ".-", color=_HEADING, label="heading since t0 (right)")
+    heading_axes.plot(
+        frame[shown], turned_deg, ".-", color=_HEADING, label="heading since t0 (right)"
+    )
     heading_axes.set(ylabel="heading since t0 (°, + = left)")
     for row, letter in zip(rows, "abc", strict=True):
         axes.axvline(frame[row], color="0.5", lw=0.8, ls=":")
