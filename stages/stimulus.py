@@ -26,7 +26,7 @@ from finloop.live.web import HOST, AccessPolicy, AppServer, bind_socket
 from finloop.plan.load_paths import load_track_or_file
 from finloop.project import Project
 from finloop.stimulus.inputs import receive_datagrams
-from finloop.stimulus.listing import list_trials
+from finloop.stimulus.listing import describe_protocol
 from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.motion import plan_all_trials
 from finloop.stimulus.order import order_trials
@@ -75,7 +75,7 @@ def main() -> None:
 def show(options: argparse.Namespace) -> None:
     """Show a protocol to animals, until Ctrl-C."""
     protocol = load_protocol(options.protocol)
-    print(list_trials(protocol, order_trials(protocol)))
+    print(describe_protocol(protocol, order_trials(protocol)))
     calibration = load_display_calibration(options.display, protocol.display.calibrated)
     with bind_socket(options.port, options.listen) as listens, open_scene(protocol) as film:
         messages = _animal_messages(options, film, protocol)
@@ -92,7 +92,7 @@ def show(options: argparse.Namespace) -> None:
 def dry(options: argparse.Namespace) -> None:
     """Run a protocol without a display, as fast as possible."""
     protocol = load_protocol(options.protocol)
-    print(list_trials(protocol, order_trials(protocol)))
+    print(describe_protocol(protocol, order_trials(protocol)))
     with open_scene(protocol) as film:
         clock = DryClock(repeat_messages(_animal_messages(options, film, protocol)))
         with _open_session(options, protocol, film, clock, dry=True) as session:
@@ -105,7 +105,7 @@ def dry(options: argparse.Namespace) -> None:
 def list_only(options: argparse.Namespace) -> None:
     """Print the trials of a protocol."""
     protocol = load_protocol(options.protocol)
-    print(list_trials(protocol, order_trials(protocol)))
+    print(describe_protocol(protocol, order_trials(protocol)))
 
 
 def replay(options: argparse.Namespace) -> None:

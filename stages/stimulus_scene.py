@@ -99,7 +99,7 @@ def _load_parameters(*groups: str) -> dict[str, Any]:
 
 def look_messages(protocol: Protocol) -> list[dict[str, Any]]:
     """Return the looks of a protocol as the page reads them, a dict per look."""
-    return [look.message for look in protocol.looks]
+    return [look.to_json_values for look in protocol.looks]
 
 
 @contextmanager

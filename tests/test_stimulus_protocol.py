@@ -16,7 +16,7 @@ from scipy.stats import chisquare
 from finloop.base.errors import FinloopError
 from finloop.stimulus.animals import Verdict
 from finloop.stimulus.drawn import ALPHA, HEADING, LOOK, MIRRORED, PARTNER, PICTURE, POSTURE, X, Y
-from finloop.stimulus.listing import list_trials
+from finloop.stimulus.listing import describe_protocol
 from finloop.stimulus.motion import (
     TrialSetup,
     apply_change,
@@ -312,7 +312,7 @@ def test_a_trigger_names_its_trial():
 
 def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
     protocol = load_protocol(EXAMPLE)
-    text = list_trials(protocol, order_trials(protocol))
+    text = describe_protocol(protocol, order_trials(protocol))
     lines = text.splitlines()
     assert lines[0] == "motion or looks: 35 trials, in blocks; seed 2026"
     assert "takes 0:52:00" in lines  # 35 trials of 60 s, 34 pauses of 30 s
@@ -339,7 +339,7 @@ def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
         },
         tmp_path,
     )  # fmt: skip
-    text = list_trials(protocol, order_trials(protocol))
+    text = describe_protocol(protocol, order_trials(protocol))
     for word in (
         "to (0, 1), (0, 1), (0, 1) and 2 more", "along way.csv", "2 times as fast", "in a group",
         "still", "follow, animal 7", "dot, contrast 0.5, size 2, colour 1-2-3", "space bar",

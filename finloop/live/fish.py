@@ -34,7 +34,7 @@ _DRAG_S = 0.08  # the shortest stretch while a goal is dragged
 
 
 class Modes(NamedTuple):
-    """The modes in which live fish can move: the planner of each, and what its edit lists need.
+    """The modes in which live fish can move, each with its player and inputs for edit lists.
 
     players: plan a fish's motion, by the mode's name.
     """
@@ -85,7 +85,7 @@ class RuleTask(NamedTuple):
 
 
 class Request(NamedTuple):
-    """What the user asked of a fish: its mode, and a path or a rule to follow, or None.
+    """What the user asked of a fish: a mode, and perhaps a path or a rule to follow.
 
     cut_after: ticks after which the present stretch (motion from one decision) ends, 0 for never.
     """
@@ -98,7 +98,7 @@ class Request(NamedTuple):
 
 @dataclass(frozen=True)
 class DecisionRecord:
-    """A decision of a fish, with all that it was made from.
+    """A decision of a fish, with all the data from which it was made.
 
     tick: the first one of the motion that was decided on, `stretch`; state, rng_state: of the fish
     and of the random generator before the decision; goal: a goal, path or rule, None where the fish
@@ -114,9 +114,10 @@ class DecisionRecord:
 
     @property
     def follows_plan(self) -> bool:
-        """Return whether the motion carries on the plan of an earlier decision.
+        """Return whether the motion continues the plan of an earlier decision.
 
-        Then part of a plan was left, no candidates were compared, and the fish swam on as planned.
+        Then a part of that plan was left, no candidates were compared, and the fish swam on as
+        planned.
         """
         had_plan, compared_none = bool(self.state.progress.runs), self.stretch.options is None
         swam_on = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
@@ -179,7 +180,7 @@ OtherPaths = Callable[["LiveFish", int], dict[str, Floats]]
 
 
 class LiveFish:
-    """One fish of the live tank, which remembers its past and can be set back to it.
+    """One fish of the live tank; it remembers its past and can go back to an earlier tick.
 
     born: the tank's tick that is its first. name: of its goals.
     """
@@ -214,7 +215,7 @@ class LiveFish:
 
     @property
     def _player(self) -> AnyPlayer:
-        """Return the player, which plans the motion, of the present mode."""
+        """Return the player of the present mode; it plans the motion."""
         return self._modes.players[self.mode]
 
     @property
@@ -252,7 +253,7 @@ class LiveFish:
         return request
 
     def past_places(self, ticks: range) -> Floats:
-        """Return where the fish was (n, 2) [px] at some ticks, without those that it forgot."""
+        """Return where the fish was (n, 2) [px] at those ticks of a range that it remembers."""
         wanted = np.arange(ticks.start, ticks.stop, ticks.step)
         slots = wanted[wanted >= self._oldest_tick] % HISTORY
         return np.column_stack([self._rows["x_px"][slots], self._rows["y_px"][slots]])
@@ -271,7 +272,10 @@ class LiveFish:
         return next((past for past in latest_first if past.tick == row.decided), None)
 
     def planning_decision(self, decision: DecisionRecord) -> DecisionRecord:
-        """Return the decision whose plan a given decision carries on; itself if it made its own."""
+        """Return the decision that made the plan which a given decision follows.
+
+        It is the given decision itself if that made its own plan.
+        """
         for earlier in reversed(self._decisions):
             if earlier.tick <= decision.tick and not earlier.follows_plan:
                 return earlier
@@ -310,7 +314,7 @@ class LiveFish:
             self.mode, self._cut_after = mode, 1  # end the planned motion at once
 
     def redo_last_tick(self) -> None:
-        """Decide the last tick again, because the user's request has changed since.
+        """Decide the last tick again, because the user's request has changed since then.
 
         Earlier ticks stay. The old decision stays, too, if every new motion would meet other fish.
         """
@@ -332,7 +336,7 @@ class LiveFish:
         self._record_tick()
 
     def _record_tick(self) -> None:
-        """Go to the next tick of the plan; remember how it is drawn, and what the user asked for.
+        """Go to the next tick of the plan; remember how it is drawn and what the user asked for.
 
         A cross-fade of pictures that are too unlike is drawn without its second picture.
         """
@@ -376,7 +380,7 @@ class LiveFish:
         return None
 
     def _note_arrival(self, last: DecisionRecord) -> None:
-        """Note whether the motion of the last decision, now over, reached a goal or a path's end.
+        """Note whether the last decision's motion, now over, reached a goal or the end of a path.
 
         If the goal is the beginning of a path, the fish now begins the path.
         """
@@ -392,7 +396,7 @@ class LiveFish:
                 self.goal, self.path_task = None, path_task._replace(begun=True)
 
     def go_back_to(self, tick: int) -> None:
-        """Set the fish back to a tick of the tank; do nothing if it does not remember the tick.
+        """Set the fish back to a past tick of the tank; do nothing if it has forgotten that tick.
 
         It swims on exactly as it did after that tick, unless it is sent elsewhere.
         """
@@ -416,10 +420,10 @@ class LiveFish:
             self.goal = self._make_goal(row.goal_x_px, row.goal_y_px)
 
     def _replan_stretch(self) -> None:
-        """Plan again from the tick on screen: cut off the rest of the last planned motion.
+        """Discard the rest of the planned motion, and plan again from the tick on screen.
 
-        If none of it was played, plan again from its beginning. The old plan stays if the new one
-        would meet other fish, which rely on the old one.
+        If none of the motion was played, plan again from its beginning. The old plan stays if the
+        new one would meet other fish, which rely on the old one.
         """
         # Set the fish back to where the played part of the last motion ends.
         last = self._decisions.pop()
@@ -443,9 +447,10 @@ class LiveFish:
     def _plan_stretch(
         self, goal: Goal | Route | Rule | None, company: Company | None = None
     ) -> None:
-        """Plan the next motion towards a goal, path or rule (None: wander) and remember it.
+        """Plan the next motion towards a goal, along a path or by a rule, and remember it.
 
-        company: the other fish as an earlier decision knew them; None: as they are now.
+        goal: None: the fish wanders. company: the other fish as an earlier decision knew them;
+        None: as they are now.
         """
         if company is None:
             state = self._player.with_company(self._state, self._other_paths(self._state.fish.tick))
@@ -462,7 +467,7 @@ class LiveFish:
         self._played = 0
 
     def _last_stretch_rows(self) -> tuple[NDArray[np.void], NDArray[Any]]:
-        """Return how the last planned motion is drawn: rows (n,) of type `ROW`, and poses (n,).
+        """Return how the last planned motion is drawn: rows (n,) of dtype `ROW`, and poses (n,).
 
         Earlier motions count as long as their inertialization (the soft end of a jump) has not died
         away; it goes on only at ticks at which the film moves.

@@ -31,9 +31,9 @@ class StrictModel(BaseModel):
 def parse_json(
     adapter: TypeAdapter[Content], text: str | bytes | None, longest: int = LONGEST
 ) -> Content | None:
-    """Return what a JSON text holds; None if it is too long, not JSON, or not what is wanted.
+    """Return the content of a JSON text; None if it is too long, not JSON, or of another type.
 
-    adapter: the wanted type; longest: bytes of the text.
+    adapter: the wanted type. longest: most bytes of the text.
     """
     if text is None or len(text) > longest:
         return None
@@ -133,7 +133,7 @@ class ShowPastTick(StrictModel):
 
 
 class SwimOnFromPast(StrictModel):
-    """Request that all fish swim on from a past tick; later ticks are forgotten."""
+    """Request that all fish swim on from a past tick and forget the later ones."""
 
     do: Literal["swim_on"]
     tick: Number

@@ -8,7 +8,7 @@ from typing import Any
 
 
 def make_content_policy(page: str, sources: str) -> str:
-    """Return the Content-Security-Policy of a page: it may run only its own script and style.
+    """Return the Content-Security-Policy by which a page may run its own script and style only.
 
     page: HTML; sources: further directives, such as "img-src data:".
     """

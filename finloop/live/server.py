@@ -36,6 +36,7 @@ class PageClient:
     """A connected page; at most one frame waits for it, the newest."""
 
     def __init__(self) -> None:
+        """Begin without a frame."""
         self._newest: tuple[int, bytes] | None = None
         self._unseen: deque[int] = deque()  # frames that were sent and not yet drawn
         self._changed = asyncio.Event()
@@ -50,13 +51,13 @@ class PageClient:
         return was_sent
 
     def confirm_frame(self, number: int) -> None:
-        """Note that the page has drawn a frame and those before; a frame never sent is ignored."""
+        """Note that the page has drawn a frame and so all earlier ones; ignore an unknown frame."""
         while number in self._unseen:
             self._unseen.popleft()
             self._changed.set()
 
     async def next_frame(self) -> bytes:
-        """Wait for a new frame, and until the page is not behind; return the frame."""
+        """Return the next frame; wait until there is a new one and the page is not behind."""
         while self._newest is None or len(self._unseen) >= BEHIND:
             self._changed.clear()
             await self._changed.wait()
@@ -102,7 +103,7 @@ class TankHost:
         self._changed.set()
 
     async def run_tank(self) -> None:
-        """Advance the tank in time and offer each frame to all pages, until cancelled."""
+        """Advance the tank in real time, and offer each frame to all pages, until cancelled."""
         last, due_ticks = time.perf_counter(), 0.0
         while True:
             # Without a page, or while the tank is paused, wait for a page or a request.
@@ -134,7 +135,7 @@ class TankHost:
                     await asyncio.wait_for(self._changed.wait(), max(tick_left_s, 0.0))
 
     def take_requests(self) -> tuple[list[PageRequest], int]:
-        """Return and forget the stored requests, and how many single ticks were requested."""
+        """Return the stored requests and the number of requested single ticks; forget both."""
         requests, self.requests = list(self.requests.values()), {}
         steps, self._steps = self._steps, 0
         return requests, steps
@@ -158,6 +159,7 @@ class TankHost:
         """Serve a page until it disconnects: send it frames, and store its requests."""
 
         async def send_frames() -> None:
+            """Send each new frame to the page until it disconnects."""
             with contextlib.suppress(*GONE):
                 while True:
                     await connection.send_bytes(await page.next_frame())

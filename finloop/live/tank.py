@@ -123,7 +123,10 @@ class LiveTank:
         }
 
     def _select_fish(self, fish_index: int | None) -> list[LiveFish]:
-        """Return the fish with an index from 0, in a list that may be empty; None: all fish."""
+        """Return a list of the fish with an index from 0, or of all fish for None.
+
+        The list is empty if there is no such fish.
+        """
         return self.fish if fish_index is None else self.fish[fish_index : fish_index + 1]
 
     def send_to_goal(self, fish_index: int | None, x: float, y: float, drag: bool = False) -> None:
@@ -138,8 +141,11 @@ class LiveTank:
         for fish in self._select_fish(fish_index):
             fish.send_to_goal((float(x), float(y)), drag)
 
-    def _refuse_in_paper(self, request: str) -> None:
-        """Raise FinloopError for a request, such as "a path", that no mode of the paper can do."""
+    def _refuse_in_paper_modes(self, request: str) -> None:
+        """Raise FinloopError if the present mode is one of the paper's.
+
+        request: what these modes cannot do, for the message, such as "a path".
+        """
         if self.most_fish is not None:
             raise _paper_error(request, self.mode)
 
@@ -157,7 +163,7 @@ class LiveTank:
 
         FinloopError in the paper's modes (network, loops, hybrid), where fish follow no paths.
         """
-        self._refuse_in_paper("a path")
+        self._refuse_in_paper_modes("a path")
         world = self.world
         x, y = np.array([world.tank.nearest_legal_point(*place) for place in places], float).T
         from_start_px = np.hypot(x - x[0], y - y[0])
@@ -182,7 +188,7 @@ class LiveTank:
         fish_index: from 0; None: all fish. FinloopError if the film gives no rule for it, or in a
         mode of the paper.
         """
-        self._refuse_in_paper("company")
+        self._refuse_in_paper_modes("company")
         rule = require_rule(self.shoaling)
         for fish in self._select_fish(fish_index):
             fish.follow_rule(RuleTask(rule))
@@ -193,7 +199,7 @@ class LiveTank:
         fish_index: of the follower, from 0; None: all others. leader: index of the fish in front.
         FinloopError if fish would follow each other, or in a mode of the paper.
         """
-        self._refuse_in_paper("a leader")
+        self._refuse_in_paper_modes("a leader")
         if leader >= len(self.fish):
             return
         leading_fish = self.fish[leader]
@@ -213,7 +219,7 @@ class LiveTank:
 
     @property
     def leaders(self) -> dict[int, int]:
-        """Return the number of each follower's leader, by number of the follower, both from 1."""
+        """Return each follower's leader, both as numbers of the fish from 1."""
         numbers = {fish.name: number for number, fish in enumerate(self.fish, 1)}
         return {
             number: numbers[fish.rule_task.leader]
@@ -236,7 +242,7 @@ class LiveTank:
                 fish.rule_task = RuleTask(self.shoaling)
 
     def explain_unavailable_mode(self, mode: str) -> str:
-        """Return the reason why the tank cannot switch to a mode now; "" if it can."""
+        """Return why the tank cannot switch to a mode now; "" if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
         if self._has_too_many_fish(mode):
@@ -249,7 +255,7 @@ class LiveTank:
         return most is not None and len(self.fish) > most
 
     def switch_mode(self, mode: str) -> None:
-        """Switch all fish to a mode; do nothing if the film shows too little for it.
+        """Switch all fish to another mode; do nothing if the film shows too little for it.
 
         FinloopError if the mode cannot move so many fish. In a mode of the paper, paths and rules
         are dropped.

@@ -61,7 +61,7 @@ class TankView:
 
     @property
     def is_running(self) -> bool:
-        """Return whether time passes in the tank: not while it is paused or shows a past tick."""
+        """Return whether ticks pass: not while the tank is paused or shows a past tick."""
         return not self.paused and self.past_tick is None
 
     def handle_request(self, request: message.PageRequest) -> None:
@@ -121,7 +121,7 @@ class TankView:
             self.goals_reached += sum(fish.reached for fish in travelling)
 
     def render_frame(self, took_ms: float = 0.0) -> bytes:
-        """Draw the next frame, and count it; return bytes for the page: its description and a JPEG.
+        """Draw the next frame; return its description and a JPEG as bytes for the page.
 
         took_ms: how long it took to make the frame before.
         """
@@ -136,7 +136,7 @@ class TankView:
         return pack_message(self.describe_tick(tick, took_ms), jpeg)
 
     def describe_tick(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
-        """Return all that the page shows of a tick except for the picture, as values for JSON.
+        """Return all that the page shows of a tick besides the picture, as values for JSON.
 
         The keys are those that `play.html` reads. took_ms: how long the frame before took.
         """
@@ -191,7 +191,7 @@ class TankView:
         }  # fmt: skip
 
     def _leader_index(self, rule_task: RuleTask | None) -> int | None:
-        """Return the index of the fish that a rule makes the leader; −1: a rule for a group.
+        """Return the index of the fish that a rule names as leader; −1: the rule is for a group.
 
         None without a rule, or if the leader has left the tank.
         """
@@ -278,10 +278,10 @@ def _describe_path(path_task: PathTask | None) -> dict[str, Any] | None:
 
 
 def _rank_candidates(options: CandidateVerdicts) -> list[int]:
-    """Return the candidates' numbers: the taken one, then valid and then refused ones by cost."""
+    """Return the candidates' numbers: the taken one, then valid, then refused ones; by cost."""
 
     def rank(number: int) -> tuple[bool, bool, float]:
-        """Return a key by which candidates are sorted; False comes before True."""
+        """Return the sort key of a candidate; False comes before True."""
         is_refused = options.verdict[number] > 0  # an index in VERDICTS; 0: valid
         return number != options.taken, is_refused, options.costs[number]
 

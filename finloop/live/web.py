@@ -46,8 +46,8 @@ class AccessPolicy:
     port: int
     token: str | None = None
 
-    def _is_addressed(self, connection: HTTPConnection) -> bool:
-        """Return whether a request may come in: it names this server's address, or shows the token.
+    def _is_allowed(self, connection: HTTPConnection) -> bool:
+        """Return whether a request is allowed: it names this server's address, or shows the token.
 
         Where a token is required, the request may name any one address.
         """
@@ -71,7 +71,7 @@ class AccessPolicy:
         origins = connection.headers.getlist("origin")
         addresses = [connection.headers.get("host", "")] if self.token else self._addresses
         from_page = origins in [[f"http://{address}"] for address in addresses]
-        if self._is_addressed(connection) and (from_page or (programs and not origins)):
+        if self._is_allowed(connection) and (from_page or (programs and not origins)):
             await connection.accept()
             return True
         await connection.close(STRANGER)  # before it is accepted: the answer is 403
@@ -79,7 +79,7 @@ class AccessPolicy:
 
     def answer_request(self, request: Request, page: str) -> Response:
         """Return a page (HTML) as the response to a request, or a refusal (HTTP status 421)."""
-        if not self._is_addressed(request):
+        if not self._is_allowed(request):
             return PlainTextResponse("not this host, or no token", 421)
         host = request.headers["host"]
         sources = f"img-src blob: data:; connect-src ws://{host}; frame-ancestors 'none'"
@@ -180,6 +180,7 @@ class AppServer(uvicorn.Server):
         """Return the route that answers requests for a page (HTML) at a path such as "/show"."""
 
         async def answer_page_request(request: Request) -> Response:
+            """Return the page, or a refusal."""
             return self._policy.answer_request(request, page)
 
         return Route(path, answer_page_request)
@@ -189,6 +190,7 @@ class AppServer(uvicorn.Server):
         connections = set[WebSocket]()
 
         async def serve_connection(connection: WebSocket) -> None:
+            """Serve an accepted WebSocket until it ends; refuse it if there are too many."""
             if not await self._policy.accept_socket(connection, route.programs):
                 return
             if len(connections) >= route.most:
@@ -204,7 +206,7 @@ class AppServer(uvicorn.Server):
 
     @contextlib.asynccontextmanager
     async def _run_tasks(self, _: Starlette) -> AsyncIterator[None]:
-        """Run the tasks until the server stops, with settings of Python that keep delays short."""
+        """Run the tasks until the server stops; set up Python for short delays meanwhile."""
         gc.collect()
         gc.freeze()  # present objects are not scanned again, which takes time
         switch_interval_s = sys.getswitchinterval()
@@ -239,5 +241,5 @@ class AppServer(uvicorn.Server):
 
 
 def _is_about_server(record: logging.LogRecord) -> bool:
-    """Return whether an entry of uvicorn's log is about the server, not a client's invalid text."""
+    """Return whether a log entry of uvicorn is about the server, not a client's invalid text."""
     return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))

@@ -134,7 +134,7 @@ class LiveAnimals:
         name = str(sighting.id)
         track = self._tracks.get(name)
         if track is None:
-            if not self._make_room(arrived_s):
+            if not self._make_room_for_animal(arrived_s):
                 return "crowd"
             track = self._tracks[name] = _AnimalTrack(source, self._tank.length_px)
         silence = arrived_s - track.heard_s
@@ -147,8 +147,8 @@ class LiveAnimals:
         track.add_sighting(sighting.t, place, heading, arrived_s, silence > self.gap_s)
         return "clock" if jumped else "outside" if outside else "taken"
 
-    def _make_room(self, now_s: float) -> bool:
-        """Forget the animal lost longest if there are 64; return whether another animal fits.
+    def _make_room_for_animal(self, now_s: float) -> bool:
+        """Forget the longest lost animal if there are 64; return whether a new one fits.
 
         If all 64 are present at the session time `now_s`, no animal is forgotten, and none fits.
         """
@@ -208,7 +208,7 @@ class _AnimalTrack:
         """
         offset = arrived_s - t
         is_first, is_other_source = not self._least_offsets, source != self.source
-        jumped = not is_first and self._detect_jump(t, offset - self._clock_offset_s)
+        jumped = not is_first and self._detect_clock_jump(t, offset - self._clock_offset_s)
         if jumped is None and not is_other_source:
             return None
         self._refused_t = None
@@ -225,8 +225,8 @@ class _AnimalTrack:
         self._clock_offset_s = min(least for _, least in self._least_offsets)
         return bool(jumped)
 
-    def _detect_jump(self, t: float, change_s: float) -> bool | None:
-        """Return whether the tracker's clock jumped before its time t; None: no, t is only late.
+    def _detect_clock_jump(self, t: float, change_s: float) -> bool | None:
+        """Return whether the tracker's clock jumped before its time t; None if t is only late.
 
         A late t is remembered: a later one that is late, too, shows a jump. change_s: how much
         larger the offset between the clocks has become.
@@ -278,6 +278,7 @@ class _PastPlaces:
     """The last places of an animal by the tracker's clock, as many as the longest delay needs."""
 
     def __init__(self) -> None:
+        """Begin without a place."""
         self._times: list[float] = []  # on the tracker's clock, s, ascending
         self._places: list[PlacePx] = []
 
@@ -295,9 +296,9 @@ class _PastPlaces:
         del self._times[:-_SAMPLES], self._places[:-_SAMPLES]
 
     def change_clock(self, ahead_s: float, end_s: float) -> None:
-        """Convert all times to a clock that is `ahead_s` ahead; forget the places from `end_s` on.
+        """Convert all stored times to a clock that is ahead; forget the places from a time on.
 
-        end_s: a time of the new clock.
+        ahead_s: by how much it is ahead. end_s: that time, on the new clock.
         """
         self._times = [t + ahead_s for t in self._times]
         end = bisect_left(self._times, end_s)
@@ -321,11 +322,11 @@ class _PastPlaces:
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
     def mean_speed(self, since: float, begin: float) -> float:
-        """Return the mean speed [px/s] from the first place at or after a time to the last place.
+        """Return the mean speed [px/s] of the animal from a time up to its last place.
 
         since: that time; at least the last two places are used. begin: when the unbroken track
         began, at the last place or before; earlier places are not used. Both are times of the
-        tracker's clock. 0 if a single place is left.
+        tracker's clock. The result is 0 if a single place is left.
         """
         last_but_one = len(self._times) - 2
         first = min(bisect_left(self._times, since - _ALIKE_S), last_but_one)

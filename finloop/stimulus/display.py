@@ -60,9 +60,9 @@ class DisplayCalibration(StrictModel):
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
-        """Return the calibration; ValueError for corners that no projection reaches.
+        """Return the calibration; ValueError unless its corners form a convex quadrilateral.
 
-        Going round, each must turn clockwise.
+        Going round, each corner must turn clockwise, or no projection reaches them.
         """
         corners = self.corners or ()
         for number, (bx, by) in enumerate(corners):

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from finloop.base.arrays import Picture
 from finloop.live.page import pack_message
 from finloop.stimulus.drawn import States
-from finloop.stimulus.pictures import PagePicture, list_named_pictures
+from finloop.stimulus.pictures import PagePicture, list_shown_rows
 
 MEMORY = 256 * 2**20  # bytes of all slots
 FEWEST, MOST = 256, 1024  # slots; WebGL 2 promises 256
@@ -114,7 +114,7 @@ class Feed:
         """
         messages = []
         # The slots are kept in the order of need, the latest last.
-        for number in list_named_pictures(states):
+        for number in list_shown_rows(states):
             if number in self._slots:
                 self._slots.move_to_end(number)
                 continue

@@ -80,13 +80,13 @@ def parse_datagram(content: bytes, token: str | None) -> str | None:
         if not items or not all(isinstance(item, dict) for item in items):
             return None
         tokens = [item.pop("token", None) for item in items]  # no password is passed on
-        return json.dumps(message) if _is_token(tokens[0], token) else None
+        return json.dumps(message) if _equals_token(tokens[0], token) else None
     except (ValueError, RecursionError):
         return None
 
 
-def _is_token(claim: Any, token: str) -> bool:
-    """Return whether a claim is the token, in constant time, which gives nothing away."""
+def _equals_token(claim: Any, token: str) -> bool:
+    """Return whether a value is the token; the comparison takes constant time for safety."""
     text = claim if isinstance(claim, str) else ""
     return hmac.compare_digest(text.encode(), token.encode())
 
@@ -127,7 +127,7 @@ def _parse_osc_message(part: bytes, token: str | None) -> str | None:
         arguments = list(OscMessage(part).params)
     except (ParseError, ValueError):
         return None
-    if token is not None and not (arguments and _is_token(arguments.pop(0), token)):
+    if token is not None and not (arguments and _equals_token(arguments.pop(0), token)):
         return None
     if len(arguments) == 1 and isinstance(arguments[0], str):
         return arguments[0]

@@ -11,8 +11,8 @@ _TEXT = ("condition", "motion", "look", "change")
 """Columns of words, aligned to the left."""
 
 
-def list_trials(protocol: Protocol, trials: tuple[Trial, ...]) -> str:
-    """Return a text that lists a protocol's duration, requirements, conditions and trials."""
+def describe_protocol(protocol: Protocol, trials: tuple[Trial, ...]) -> str:
+    """Return a text with the duration, requirements, conditions and trials of a protocol."""
     seconds = sum(trial.seconds for trial in trials) + protocol.pause_s * (len(trials) - 1)
     waits = "" if protocol.start == "auto" else " and the waits for a start"
     return "\n".join([
@@ -59,7 +59,7 @@ def _condition_lines(protocol: Protocol) -> Iterator[str]:
 
 
 def _describe_condition(condition: Condition) -> tuple[str, str, str]:
-    """Return a condition's motion, look and change in words."""
+    """Return the motion, the look and the change of a condition, each in words."""
     look, change = condition.look, condition.change
     looks = [
         look.shape,

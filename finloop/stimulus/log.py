@@ -49,7 +49,7 @@ SESSION = Schema(
 
 
 class FrameFacts(NamedTuple):
-    """What a display's page tells of a displayed frame: eight numbers.
+    """Facts about a displayed frame, as the page reports them: eight numbers.
 
     number: of the frame. intended_s, time_s, drawn_s: session times when it was due, when the
     browser showed it, and when it was drawn. seq: number of the last message with states that the
@@ -68,7 +68,7 @@ class FrameFacts(NamedTuple):
 
 
 class _LoggedFrame(NamedTuple):
-    """A displayed frame: number of its trial, if any, its facts, and the states (fish, fields)."""
+    """A displayed frame in the log: number of its trial, facts, and states (fish, fields)."""
 
     trial: int | None
     facts: FrameFacts
@@ -123,7 +123,7 @@ class Log:
         self._journal.close()
 
     def _frame_rows(self, frames: list[_LoggedFrame]) -> pa.RecordBatch:
-        """Return the log's rows of displayed frames, one each, as a record batch."""
+        """Return a record batch with one row of the log for each displayed frame."""
         facts = np.array([frame.facts for frame in frames]).T
         values = dict(zip(FrameFacts._fields, facts, strict=True))
         del values["fish_count"]
@@ -131,7 +131,7 @@ class Log:
         return self._build_batch(len(frames), kind="frame", trial=trials, **values)
 
     def _fish_rows(self, frames: list[_LoggedFrame]) -> list[pa.RecordBatch]:
-        """Return the log's rows of the fish in displayed frames: one record batch, or none."""
+        """Return the rows of the log for the fish in displayed frames: one record batch or none."""
         frames = [frame for frame in frames if len(frame.states)]
         if not frames:
             return []

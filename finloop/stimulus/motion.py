@@ -51,6 +51,7 @@ class TrialContext:
     """
 
     def __init__(self, player: AnyPlayer, bodies: Bodies, mm_per_px: float | None = None) -> None:
+        """Derive what all trials share from the player and the postures."""
         self.player, self.bodies, self.mm_per_px = player, bodies, mm_per_px
         self.world = player.world
         self.rate_hz = self.world.motion.rate_hz
@@ -179,7 +180,7 @@ def plan_motion(
         states = apply_change((motions or {})[motion.again], condition.change, ticks)
         held = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
         return np.concatenate([states, held])[:ticks]
-    tank, world = _trial_tank(scene, setup), scene.world
+    tank, world = _create_trial_tank(scene, setup), scene.world
     if motion.path is not None:
         line = load_line(motion.file, TANK)._replace(time_s=None)  # at the fish's own speed
         route = lay_path(line, world.tank, world.motion, scene.mm_per_px).route
@@ -247,7 +248,7 @@ def rehearse_stimulus(scene: TrialContext) -> None:
         _current_states(tank, scene)
 
 
-def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
+def _create_trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
     """Return a live tank with the fish of a trial at its first tick; FinloopError without room."""
     tank = LiveTank({MODE: scene.player}, MODE, setup.fish, setup.seed)
     if len(tank.fish) < setup.fish:
@@ -272,21 +273,22 @@ class ReactiveMotion:
     """The motion of a trial in which fish react to live animals, planned tick by tick."""
 
     def __init__(
-        self, scene: TrialContext, setup: TrialSetup, animals: LiveAnimals, keeps: bool = True
+        self, scene: TrialContext, setup: TrialSetup, animals: LiveAnimals, keep_all: bool = True
     ) -> None:
         """Put the fish of a trial into a tank; the first tick is not planned yet.
 
-        keeps: whether all states are kept, for a trial that repeats them, not only the last tick's.
+        keep_all: whether to keep the states of all ticks, for a trial that repeats them, or only
+        those of the last tick.
         """
         rule = setup.condition.motion.rule
         assert rule is not None
         self._scene, self._setup, self._animals, self._rule = scene, setup, animals, rule
-        self._tank = _trial_tank(scene, setup)
+        self._tank = _create_trial_tank(scene, setup)
         self._targets: list[PlacePx | None] = [None] * len(self._tank.fish)
         fade = round(setup.fade_s * scene.rate_hz)
         self._opacities = fade_opacities(scene.count_ticks(setup.condition.seconds), fade)
         self._states: list[States] = []
-        self._keeps = keeps
+        self._keep_all = keep_all
 
     @property
     def planned_states(self) -> States | None:
@@ -300,19 +302,19 @@ class ReactiveMotion:
     def plan_tick(self, now_s: float) -> States:
         """Plan the next tick at a session time; return the states (fish, fields) of the fish."""
         if self._states:
-            self._send_fish(now_s)
+            self._update_targets(now_s)
             self._tank.advance()
-        if not self._keeps:  # no later trial repeats this motion: the last tick is enough
+        if not self._keep_all:  # no later trial repeats this motion: the last tick is enough
             self._states.clear()
         self._states.append(self._states_with_look())
         return self._states[-1]
 
     def replan_tick(self, now_s: float) -> States | None:
-        """Plan the last tick again, as an animal has moved; return its new states (fish, fields).
+        """Plan the last tick again after an animal has moved; return its states (fish, fields).
 
         now_s: session time. None if no fish has a new target, so nothing changes.
         """
-        renewed = self._send_fish(now_s) if self._states else []
+        renewed = self._update_targets(now_s) if self._states else []
         if not renewed:
             return None
         for number in renewed:
@@ -320,8 +322,8 @@ class ReactiveMotion:
         self._states[-1] = self._states_with_look()
         return self._states[-1]
 
-    def _send_fish(self, now_s: float) -> list[int]:
-        """Send each fish where the rule wants it; return the numbers of the fish with a new target.
+    def _update_targets(self, now_s: float) -> list[int]:
+        """Update each fish's target by the rule; return the numbers of the fish with a new one.
 
         A target is new if it has moved by more than `rule.renew` body lengths, or if the fish has
         reached it and is now over `rule.renew` + 1 body lengths away. A fish without a target

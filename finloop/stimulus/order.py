@@ -24,7 +24,7 @@ _RAW_VALUES = 2**64
 
 
 class ConditionRepeat(NamedTuple):
-    """One showing of a condition: the condition's name, and the number of the repeat from 0."""
+    """One showing of a condition: the name of the condition, and its number among them, from 0."""
 
     condition: str
     repeat: int
@@ -51,7 +51,7 @@ def order_trials(protocol: Protocol) -> tuple[Trial, ...]:
         order = names * protocol.repeats
     elif protocol.order == "shuffled":
         predecessors = _find_predecessors(protocol, protocol.repeats)
-        order = [trial.condition for trial in _draw_order(predecessors, generator)]
+        order = [trial.condition for trial in _random_order(predecessors, generator)]
     else:
         order = list(_shuffle_blocks(protocol, generator))
     block_size = len(order) if protocol.order == "shuffled" else len(names)
@@ -84,7 +84,7 @@ def fill_trigger_text(trigger: Trigger, trial: Trial) -> str:
     )  # fmt: skip
 
 
-def _draw_below(generator: PCG64, limit: int) -> int:
+def _random_below(generator: PCG64, limit: int) -> int:
     """Return a random whole number 0 … limit − 1, the same in every version of NumPy."""
     # Draw again above the largest multiple of `limit`, so that all remainders are equally likely.
     while (drawn := int(generator.random_raw())) >= _RAW_VALUES - _RAW_VALUES % limit:
@@ -109,12 +109,12 @@ def _find_predecessors(
     return predecessors
 
 
-def _draw_order(
+def _random_order(
     predecessors: dict[ConditionRepeat, ConditionRepeat | None], generator: PCG64
 ) -> list[ConditionRepeat]:
-    """Return the trials in one of all orders in which each comes after its predecessor.
+    """Return the trials in random order, each after its predecessor.
 
-    All these orders are equally likely.
+    All such orders are equally likely. predecessors: for every trial, the one that comes before it.
     """
     # The trials that wait for each trial, and how many there are in its subtree (itself included).
     children: dict[ConditionRepeat | None, list[ConditionRepeat]] = {}
@@ -130,7 +130,7 @@ def _draw_order(
     candidates, order = list(children.get(None, [])), list[ConditionRepeat]()
     while candidates:
         sums = list(accumulate(tree_sizes[trial] for trial in candidates))
-        index = bisect_right(sums, _draw_below(generator, sums[-1]))
+        index = bisect_right(sums, _random_below(generator, sums[-1]))
         order.append(candidates.pop(index))
         candidates += children.get(order[-1], [])
     return order
@@ -143,13 +143,13 @@ def _shuffle_blocks(protocol: Protocol, generator: PCG64) -> Iterator[str]:
     begin with the condition that ended the block before, unless there is only one condition.
     """
     predecessors = _find_predecessors(protocol, repeats=1)
-    block = [trial.condition for trial in _draw_order(predecessors, generator)]
+    block = [trial.condition for trial in _random_order(predecessors, generator)]
     yield from block
     for _ in range(protocol.repeats - 1):
         remaining, last = list(protocol.conditions), block[-1]
         first_choices = [name for name in remaining if name != last] or remaining
-        block = [first_choices[_draw_below(generator, len(first_choices))]]
+        block = [first_choices[_random_below(generator, len(first_choices))]]
         remaining.remove(block[0])
         while remaining:
-            block.append(remaining.pop(_draw_below(generator, len(remaining))))
+            block.append(remaining.pop(_random_below(generator, len(remaining))))
         yield from block

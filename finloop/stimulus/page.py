@@ -17,7 +17,7 @@ from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.live.page import make_content_policy, pack_message
 from finloop.stimulus.drawn import POSTURE, States
-from finloop.stimulus.pictures import PagePicture, list_named_pictures, measure_typical_fish
+from finloop.stimulus.pictures import PagePicture, list_shown_rows, measure_typical_fish
 
 DRAWING = ("strip.js", "shaders.js", "view.js", "draw.js", "motion.js")
 """The scripts that draw and move the fish, on both pages."""
@@ -44,7 +44,7 @@ def build_standalone_page(
 
     motion: states (ticks, fish, fields). rate: ticks/s. floor: the empty tank, (h, w) or (h, w, 3)
     uint8. pictures: all that the motion names, by row of the film. looks: how fish are drawn, each
-    as `Look.message`; the motion names them by index. loops: whether it plays for ever.
+    as `Look.to_json_values`; the motion names them by index. loops: whether it plays for ever.
     FinloopError if the motion has no tick, no fish or numbers that are not finite, or if a picture
     is missing.
     """
@@ -75,7 +75,7 @@ def _refuse_unplayable(motion: States, pictures: Mapping[int, PagePicture]) -> N
             f"a motion of shape {motion.shape}", "states of ticks and fish, all of them numbers",
             "give the states of at least one tick and fish",
         )  # fmt: skip
-    if missing := [number for number in list_named_pictures(motion) if number not in pictures]:
+    if missing := [number for number in list_shown_rows(motion) if number not in pictures]:
         raise FinloopError(
             f"{len(missing)} pictures are missing, {missing[0]} first",
             "every picture that the motion names", "give these pictures, too",

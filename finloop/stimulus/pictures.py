@@ -37,7 +37,7 @@ class PagePicture(NamedTuple):
     posture: Floats
 
     def describe(self, number: int) -> dict[str, Any]:
-        """Return number, size and placement (`line`) for JSON; number: the film row it shows."""
+        """Return number, size and placement of the picture for JSON; number: its film row."""
         height, width = self.pixels.shape[:2]
         line = [float(value) for value in self.placement]
         return {"picture": number, "width": width, "height": height, "line": line}
@@ -47,8 +47,8 @@ class PagePicture(NamedTuple):
         return self.posture.astype("<f4").tobytes() + self.pixels.tobytes()
 
 
-def list_named_pictures(states: States) -> list[int]:
-    """Return the film rows whose pictures states (…, fields) show, each once, ascending."""
+def list_shown_rows(states: States) -> list[int]:
+    """Return the film rows whose pictures are shown in states (…, fields), each once, rising."""
     numbers = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
     return [number for number in numbers if number >= 0]
 
@@ -93,14 +93,14 @@ class PagePictures:
         return height, width
 
     def measure_typical_fish(self) -> dict[str, Any]:
-        """Return area and darkest colour of a typical fish of the film (`measure_typical_fish`)."""
+        """Return area and darkest colour of a typical fish, see the function of the same name."""
         count = len(self._gallery.cutout_sets[FRAME].centres_px)
         sample = range(0, count, max(1, count // _SAMPLE))  # 100 to 199 pictures
         return measure_typical_fish(self(number) for number in sample)
 
     def load_pictures(self, states: States) -> dict[int, PagePicture]:
-        """Load all pictures that states (…, fields) name; return them by their rows of the film."""
-        return {number: self(number) for number in list_named_pictures(states)}
+        """Load all pictures that states (…, fields) show; return them by film row."""
+        return {number: self(number) for number in list_shown_rows(states)}
 
     def __call__(self, number: int) -> PagePicture:
         """Return the picture in a row of the film, shrunk; FinloopError if its file is damaged."""

@@ -183,7 +183,7 @@ class Look(StrictModel):
         return self
 
     @property
-    def message(self) -> dict[str, Any]:
+    def to_json_values(self) -> dict[str, Any]:
         """Return the look as values for JSON, by the keys `as`, `contrast`, `size`, `colour`."""
         return self.model_dump(mode="json", by_alias=True)
 

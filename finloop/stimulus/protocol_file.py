@@ -130,7 +130,7 @@ class YamlText(NamedTuple):
     problems: list[str]
 
     def line(self, place: Place) -> int:
-        """Return the line of a place in the values, or of the nearest place around it, from 1."""
+        """Return the line number, from 1, of a place in the values, or of what encloses it."""
         while place and place not in self.lines:
             place = place[:-1]
         return self.lines.get(place, 1)
@@ -165,6 +165,7 @@ class _YamlReader:
     """Converter of parsed YAML to values; it collects the line of each value, and all problems."""
 
     def __init__(self) -> None:
+        """Begin without lines and problems."""
         self.lines: dict[Place, int] = {}
         self.problems: list[str] = []
         self._left = _MOST_VALUES
@@ -240,12 +241,12 @@ def _protocol_and_problems(values: Any, folder: Path) -> tuple[Protocol | None, 
 
 
 def _build_protocol(values: Any) -> Protocol:
-    """Return the protocol in values; ValidationError if they do not have its format."""
+    """Return the protocol that values describe; ValidationError if they do not fit its format."""
     return Protocol.model_validate_json(json.dumps(values))
 
 
 def _keep_valid_parts(values: Any, wrong_places: list[Place]) -> Protocol | None:
-    """Return a protocol without its wrong parts, to check the others; None if nothing is left.
+    """Return a protocol without its invalid values, to check the others; None if none is left.
 
     Wrong conditions are left out; other wrong values are left out or replaced by harmless ones.
     """
@@ -269,7 +270,7 @@ def _keep_valid_parts(values: Any, wrong_places: list[Place]) -> Protocol | None
 
 
 def _type_problem(detail: dict[str, Any]) -> Problem:
-    """Return a complaint of pydantic (`ValidationError.errors`) as a place and plain words."""
+    """Convert one of pydantic's validation errors to a place and a sentence in plain words."""
     place: Place = tuple(step for step in detail["loc"] if step != "[key]")
     if place[:1] == ("start",):
         place = place[:1] + place[2:]  # without pydantic's name of the alternative: auto or wait

@@ -15,7 +15,7 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, TANK, Line
 from finloop.stimulus.animals import TankGeometry
-from finloop.stimulus.tracker import PX, Calibration
+from finloop.stimulus.tracker import PX, TrackerCalibration
 
 NAME = "recorded"
 """The id of the animal, and the name of the sender."""
@@ -48,7 +48,7 @@ NO_FAULTS = ConnectionFaults()
 
 def imitate_tracker(
     line: Line, rate_hz: float | None, tank: TankGeometry,
-    faults: ConnectionFaults = NO_FAULTS, calibration: Calibration = PX,
+    faults: ConnectionFaults = NO_FAULTS, calibration: TrackerCalibration = PX,
     mm_per_px: float | None = None,
 ) -> Iterator[TimedMessage]:  # fmt: skip
     """Yield the messages that a tracker would send about a recorded track, in order of arrival.
@@ -58,7 +58,7 @@ def imitate_tracker(
     mm_per_px: for a line in mm. FinloopError if the line has no times, or is in mm and the film's
     scale is not known.
     """
-    time_s, track = _sample_track(line, rate_hz, _unit_px(line, tank, mm_per_px))
+    time_s, track = _sample_track(line, rate_hz, _line_unit_px(line, tank, mm_per_px))
     rng = np.random.default_rng(faults.seed)
     lost = rng.random(len(time_s)) < faults.loss
     lost |= time_s % (faults.every_s + faults.gap_s) >= faults.every_s  # the tracker's silences
@@ -74,10 +74,10 @@ def imitate_tracker(
         yield TimedMessage(float(due_s[number]), json.dumps(facts))
 
 
-def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
-    """Return the size [px of the tank's picture] of a line's unit, along x and along y.
+def _line_unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
+    """Return how many px a unit of a line's coordinates is, along x and along y.
 
-    FinloopError if it is in mm and `mm_per_px` is None.
+    px are those of the tank's picture. FinloopError if the unit is mm and `mm_per_px` is None.
     """
     if line.unit == TANK:
         return tank.width - 1, tank.height - 1
@@ -95,7 +95,7 @@ def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[f
 def _sample_track(
     line: Line, rate_hz: float | None, unit_px: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Return times (n,) [s] from 0 on, and a line's x, y [px] and heading [degrees] then, (n, 3).
+    """Sample a line; return times (n,) [s] from 0, and x, y [px], heading [degrees] (n, 3).
 
     Headings go on beyond 360°; they are NaN if the line has none. rate_hz: samples per second,
     None: the line's own times. unit_px: size of the line's unit along x and y. FinloopError if the

@@ -144,6 +144,7 @@ class _SessionPlanner:
     """Planner of a logged session: it is given the log's rows in order, and plans the ticks."""
 
     def __init__(self, scene: TrialContext, protocol: Protocol) -> None:
+        """Begin without a trial and without animals."""
         self._scene, self._protocol = scene, protocol
         self._animals = LiveAnimals(protocol.animals, scene.tank, scene.mm_per_px)
         self._motions: dict[str, States] = {}  # of the latest trial of each condition

@@ -62,7 +62,7 @@ def mirror_place(place: PlacePx, axis: str, tank: TankGeometry) -> PlacePx:
 
 
 def _side_of_animal(rule: str, fish: Pose, animal: Animal) -> Direction:
-    """Return on which side of an animal a fish shall swim: the unit direction from the animal.
+    """Return the unit direction from an animal to the side on which a fish shall swim.
 
     The rule decides: "keep distance" where the fish is now, "lead" ahead of the animal, "follow"
     behind it. While the animal's heading is unknown, each is the side where the fish is now.

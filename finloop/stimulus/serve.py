@@ -78,7 +78,7 @@ class CalibrationMessage(StrictModel):
 
 
 class VisibilityMessage(StrictModel):
-    """A page's message that it is now hidden behind another (`on`), or visible again."""
+    """A page's message that another window hides it (`on`), or that it is visible again."""
 
     do: Literal["hidden"]
     on: bool
@@ -99,6 +99,7 @@ class DisplayPage:
     """A connected display page, with the queue of messages to it."""
 
     def __init__(self, connection: WebSocket) -> None:
+        """Begin with an empty queue; the page is not ready yet."""
         self.connection, self.ready = connection, False
         self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_MOST_WAITING)
 
@@ -111,7 +112,7 @@ class DisplayPage:
         return True
 
     async def deliver(self) -> None:
-        """Send the queued messages to the page until it disconnects."""
+        """Send queued messages to the page, one after the other, until it disconnects."""
         with contextlib.suppress(*GONE):
             while True:
                 await self.connection.send_bytes(await self.waiting.get())
@@ -134,6 +135,7 @@ class DisplayHub:
         """Start a coroutine and return at once; ignore the errors of a client that has left."""
 
         async def suppress_gone() -> None:
+            """Run the coroutine; suppress the errors of a client that has left."""
             with contextlib.suppress(*GONE):
                 await work
 
@@ -168,10 +170,10 @@ class DisplayHub:
         self.feed.facts["display"] = calibration.model_dump(mode="json")
 
     def handle_frames(self, content: bytes) -> None:
-        """Handle a page's records of displayed frames; here: ignore them."""
+        """Ignore a page's records of displayed frames; subclasses handle them."""
 
     def handle_disconnect(self) -> None:
-        """Handle that a display has disconnected; here: do nothing."""
+        """Do nothing when a display has disconnected; subclasses handle it."""
 
     async def serve_display(self, connection: WebSocket) -> None:
         """Serve a display page until it disconnects: handle its messages, and send those to it."""
@@ -202,7 +204,7 @@ class SessionHub(DisplayHub):
         self._programs: set[WebSocket] = set()
 
     def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
-        """Answer a display page's message, and tell the session; None is an invalid message.
+        """Answer a message of a display page, and pass it to the session; None: an invalid one.
 
         A calibration is stored, unless a trial runs or waits for its start.
         """
@@ -341,13 +343,13 @@ class ReplayHub(DisplayHub):
             await asyncio.wait_for(self._wait_until_drawn(fewer_than=1), 10)
 
     async def _wait_until_drawn(self, fewer_than: int) -> None:
-        """Wait until fewer than a number of sent frames are still undrawn."""
+        """Wait until fewer than a number of the sent frames are still to be drawn."""
         while len(self._waiting) >= fewer_than:
             self._drawn.clear()
             await self._drawn.wait()
 
     async def _pace_frames(self) -> AsyncIterator[DisplayedFrame]:
-        """Yield the frames at the times at which the session showed them, or at once if `quick`."""
+        """Yield the frames at the times of the session, or without waits if `quick`."""
         clock, first_shown_s = RealClock(), None
         for frame in self._frames:
             first_shown_s = frame.shown_s if first_shown_s is None else first_shown_s
@@ -393,12 +395,13 @@ def create_display_server(
     listens: socket.socket, policy: AccessPolicy, hub: CalibrationHub | ReplayHub,
     started: Callable[[], None],
 ) -> AppServer:  # fmt: skip
-    """Return the web server of a replay or a calibration, on one display; it ends after a replay.
+    """Return the web server of a replay or a calibration; it has the display's page alone.
 
-    The arguments are those of `AppServer`.
+    It ends after a replay. The arguments are those of `AppServer`.
     """
 
     async def run_replay_and_stop() -> None:
+        """Run the replay, if the hub has one, and stop the server."""
         if isinstance(hub, ReplayHub):
             await hub.run_replay()
             server.should_exit = True

@@ -38,6 +38,7 @@ class RealClock:
     """The clock of a session with a display; a wait ends within 0.1 ms of its time."""
 
     def __init__(self) -> None:
+        """Start the clock at 0."""
         self._zero = time.perf_counter()
 
     def read_time(self) -> float:
@@ -71,10 +72,10 @@ class SessionCounts:
 
 
 class _UndrawnReaction(NamedTuple):
-    """A tick that was planned again and not drawn yet: session times, s.
+    """A tick that was planned again, because an animal moved, and that no frame shows yet.
 
-    arrived_s: of the tracker's message to which fish react; tick_before_s: when the tick before is
-    due, after which a frame shows the reaction.
+    Session times, s. arrived_s: of the tracker's message to which fish react. tick_before_s: when
+    the tick before is due, after which a frame shows the reaction.
     """
 
     arrived_s: float
@@ -165,7 +166,7 @@ class Session:
             self._may_start.set()
 
     def log_event(self, what: str, **facts: Any) -> None:
-        """Log an event with facts about it that JSON can hold."""
+        """Log an event, with facts about it that JSON can hold."""
         text = json.dumps({"what": what, **facts})
         self.log.add_entry("event", self.clock.read_time(), text=text)
 
@@ -240,7 +241,7 @@ class Session:
                     del self._undrawn_reactions[seq]
 
     def add_display(self, facts: dict[str, Any]) -> None:
-        """Note that a display has connected, with facts about it.
+        """Log that a display has connected, with facts about it.
 
         A page counts its frames from 0, and marks even ones with the photodiode's square. So the
         log's numbers go on with an even one.
@@ -250,14 +251,14 @@ class Session:
         self.log_event("display", **facts)
 
     def remove_display(self) -> None:
-        """Note that a display has disconnected."""
+        """Log that a display has disconnected."""
         self.displays -= 1
         self.display = None if not self.displays else self.display
         if self.phase in ("running", "waiting"):
             self.report_event("the display has gone", trial=self.trials[self.trial_index].number)
 
     def set_hidden(self, on: bool) -> None:
-        """Note that the display's page is hidden behind another one (`on`), or visible again."""
+        """Report that the display's page is hidden behind another (`on`), or visible again."""
         if self.display is not None:
             self.display["hidden"] = on
         self.report_event(f"the display's page is {'hidden' if on else 'seen again'}")
@@ -298,7 +299,7 @@ class Session:
         """Prepare one trial, wait for its start if it has one, and show it."""
         self._skip, self.phase = False, "planning"
         setup = TrialSetup.from_protocol(self.protocol, trial)
-        known = await self._prepare_motion(trial, setup)  # its states, if known beforehand
+        states = await self._prepare_motion(trial, setup)  # None if planned tick by tick
         waits = self.protocol.start != "auto" and self.waits_for_starts
         if waits and not (self._abort or self._skip):
             self.phase = "waiting"
@@ -307,9 +308,9 @@ class Session:
         if self.stopping:
             return
         if not self._skip:
-            self._report_trial(trial, "start", known is not None)
-            ending = await self._show_trial(trial, setup, known)
-            self._report_trial(trial, ending, known is not None)
+            self._report_trial(trial, "start", states is not None)
+            ending = await self._show_trial(trial, setup, states)
+            self._report_trial(trial, ending, states is not None)
         outcome = "aborted" if self._abort else "done"
         self.done[trial.number] = "skipped" if self._skip else outcome
         await asyncio.to_thread(self.log.write_entries)
@@ -337,13 +338,13 @@ class Session:
             self._send(content)  # before the trial begins
         return shown
 
-    def _report_trial(self, trial: Trial, what: str, known: bool) -> None:
+    def _report_trial(self, trial: Trial, what: str, is_planned: bool) -> None:
         """Log that a trial starts or has ended, and send the triggers of its start or its end.
 
-        what: "start", or how it ended. known: whether its motion is known beforehand.
+        what: "start", or how it ended. is_planned: whether its motion is known beforehand.
         """
         now, number = self.clock.read_time(), trial.number
-        facts = {"what": what, **trial._asdict(), "early_s": self._lead_time_s(known)}
+        facts = {"what": what, **trial._asdict(), "early_s": self._lead_time_s(is_planned)}
         self.log.trial = number
         self.log.add_entry("trial", now, number=number, text=json.dumps(facts))
         if what != "start":  # the entry about its end is the trial's last
@@ -356,20 +357,20 @@ class Session:
                 if wrong:
                     self.report_event("a trigger was not sent", to=trigger.to, reason=wrong)
 
-    async def _show_trial(self, trial: Trial, setup: TrialSetup, known: States | None) -> str:
+    async def _show_trial(self, trial: Trial, setup: TrialSetup, planned: States | None) -> str:
         """Show a trial tick by tick; return how it ended: "end", "skip" or "abort".
 
-        known: the states (ticks, fish, fields) if they are known beforehand, None if fish react.
+        planned: the states (ticks, fish, fields) if known beforehand; None if fish react.
         """
         # When the trial begins and ends, and who plans its ticks.
         self.phase, rate = "running", self.scene.rate_hz
         begin_s = self.clock.read_time() + _FIRST_S
         ticks = self.scene.count_ticks(setup.condition.seconds)
         self._trial_end_s = begin_s + ticks / rate
-        early_s = self._lead_time_s(known is not None)
+        early_s = self._lead_time_s(planned is not None)
         keeps = trial.condition in self._repeated  # the motion, for a condition that repeats it
         reaction = None
-        if known is None:
+        if planned is None:
             reaction = ReactiveMotion(self.scene, setup, self.animals, keeps)
         self._reaction = reaction
         # Plan and send each tick, some time before it is due.
@@ -379,8 +380,8 @@ class Session:
             if self._abort or self._skip:
                 break
             now_s = self.clock.read_time()
-            if known is not None:
-                self._send_tick(tick, due_s, known[tick], now_s)
+            if planned is not None:
+                self._send_tick(tick, due_s, planned[tick], now_s)
             elif reaction is not None:
                 self._tick, self._due_s = tick, due_s
                 self._send_tick(tick, due_s, reaction.plan_tick(now_s), now_s)
@@ -396,13 +397,13 @@ class Session:
         self._send(self.feed.clear_message())
         return "abort" if self._abort else "skip" if self._skip else "end"
 
-    def _lead_time_s(self, known: bool) -> float:
-        """Return how long [s] before it is due a tick is sent.
+    def _lead_time_s(self, is_planned: bool) -> float:
+        """Return how many seconds before its display time a tick is sent.
 
-        known: whether its motion is known beforehand.
+        is_planned: whether its motion is known beforehand.
         """
         tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
-        return EARLY_S if known else tick_s + min(_MOST_LEAD_S, _LEAD_TICKS * tick_s)
+        return EARLY_S if is_planned else tick_s + min(_MOST_LEAD_S, _LEAD_TICKS * tick_s)
 
     async def _wait_until(self, time_s: float) -> None:
         """Wait until a session time, or until the trial is skipped or the session aborted."""

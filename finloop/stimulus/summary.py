@@ -18,7 +18,7 @@ from finloop.stimulus.replay import SessionRecord
 
 
 def load_log_table(record: SessionRecord) -> pd.DataFrame:
-    """Return a session's log as a table in its order, without the rows and columns of fish."""
+    """Load a session's log as a table, without the rows and columns about single fish."""
     names = [name for name in SESSION.names if name not in (*FIELDS, "posture", "fish")]
     batches = [
         batch.filter(pc.not_equal(batch["kind"], "fish"))
@@ -28,7 +28,7 @@ def load_log_table(record: SessionRecord) -> pd.DataFrame:
 
 
 def measure_tick_errors_ms(table: pd.DataFrame) -> Floats:
-    """Return by how many ms (n,) each tick was planned later than it should have been.
+    """Return how many ms (n,) too late each tick was planned.
 
     A tick should be planned `early_s` (of its trial) before `intended_s`, when it is to be shown.
     table: the session's log. Left out are ticks that were planned again, and the first ticks of a
@@ -45,7 +45,7 @@ def measure_tick_errors_ms(table: pd.DataFrame) -> Floats:
 
 
 def measure_reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
-    """Return how many ms pass from a tracker's message to the planned and to the drawn reaction.
+    """Return the delays [ms] from a tracker's messages to the planned and to the drawn reactions.
 
     Both times begin when the message arrives. The first (n,) lasts until a tick is planned anew,
     the second (m,) until a frame that shows the new plan is drawn; m ≤ n, as some are never shown.

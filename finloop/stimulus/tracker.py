@@ -117,7 +117,7 @@ class TrackerPlace(NamedTuple):
     heading: float
 
 
-class Calibration(NamedTuple):
+class TrackerCalibration(NamedTuple):
     """Conversion of a tracker's places to px of the tank's picture.
 
     matrix (3, 3): projection in homogeneous coordinates, positive weights where the tank is; up:
@@ -148,7 +148,7 @@ class Calibration(NamedTuple):
 
     def map_to_tracker(self, x_px: float, y_px: float, heading_rad: float) -> TrackerPlace:
         """Return a place [px] and heading [rad] in the tank as the tracker would send them."""
-        inverse = Calibration(_to_rows(np.linalg.inv(np.array(self.matrix))))
+        inverse = TrackerCalibration(_to_rows(np.linalg.inv(np.array(self.matrix))))
         x, y = inverse.map_place(x_px, y_px)
         direction = math.cos(heading_rad), -math.sin(heading_rad)
         x_part, y_part = inverse._map_direction(x_px, y_px, *direction)
@@ -156,7 +156,7 @@ class Calibration(NamedTuple):
         return TrackerPlace(x, y, math.degrees(heading_rad))
 
     def _map_direction(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
-        """Return a direction dx, dy at a tracker's place x, y as one in the tank, of any length.
+        """Convert a direction dx, dy at a tracker's place x, y to one in the tank, of any length.
 
         This is the derivative of `map_place` along the direction, times the weight w > 0.
         """
@@ -166,11 +166,11 @@ class Calibration(NamedTuple):
         return a * dx + b * dy - tank_x * weight_change, d * dx + e * dy - tank_y * weight_change
 
 
-PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+PX = TrackerCalibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 """The calibration of a tracker that sends px of the tank's picture."""
 
 
-def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
+def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> TrackerCalibration:
     """Return the conversion of a tracker's places to px of the tank.
 
     It follows from the pairs of points, or from the unit if there are none. mm_per_px: mm of the
@@ -179,7 +179,7 @@ def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calib
     problems = list(_calibration_problems(settings, mm_per_px))
     if not problems and not settings.points:
         scale = 1.0 if settings.unit == "px" or mm_per_px is None else 1 / mm_per_px
-        return Calibration(((scale, 0.0, 0.0), (0.0, scale, 0.0), (0.0, 0.0, 1.0)))
+        return TrackerCalibration(((scale, 0.0, 0.0), (0.0, scale, 0.0), (0.0, 0.0, 1.0)))
     if not problems:
         fit = _fit_points(settings)
         if fit is not None:
@@ -229,8 +229,8 @@ def _are_points_sufficient(points: Floats) -> bool:
     return False
 
 
-def _fit_points(settings: TrackerSettings) -> Calibration | None:
-    """Return the calibration that fits the pairs of points; None if no view of the tank does.
+def _fit_points(settings: TrackerSettings) -> TrackerCalibration | None:
+    """Fit a calibration to the pairs of points; return None if no view of the tank fits.
 
     Two points cannot show a mirror image, so y is turned over first where it grows upwards.
     """
@@ -248,7 +248,7 @@ def _fit_points(settings: TrackerSettings) -> Calibration | None:
     depths = tracker @ matrix[2, :2] + matrix[2, 2]
     if not np.isfinite(matrix).all() or depths.min() * depths.max() <= 0:
         return None
-    fit = Calibration(_to_rows(matrix / depths.mean()), up)
+    fit = TrackerCalibration(_to_rows(matrix / depths.mean()), up)
     errors = np.array([fit.map_place(x, y) for x, y in tracker.tolist()]) - tank
     return fit._replace(error_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))))
 
