@@ -18,7 +18,7 @@ from benchmarks.pipeline import write_table
 from finloop.io.movie import Mp4Writer
 from finloop.project import Project
 from finloop.tank.camera import PRESETS, TOUR, TankSize, camera_views
-from finloop.tank.scene import TankScene, choose_window
+from finloop.tank.scene import TankScene, select_offscreen_renderer
 from stages.settings import load_settings
 from stages.tank import animated_fish
 
@@ -27,7 +27,7 @@ SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
 
 def main() -> None:
     """Time the drawing of the tank by camera; print and write the table."""
-    choose_window()
+    select_offscreen_renderer()
     p, rows = load_settings("tank"), []
     with Project() as project:
         facts, background = project.facts, project.background
@@ -45,7 +45,9 @@ def main() -> None:
                 frame_times = []
                 for tick in range(count):
                     start, worked = time.perf_counter(), time.process_time()
-                    frame = scene.draw_frame([fish.shape_at(tick)], view, tick, times[tick])
+                    frame = scene.draw_frame(
+                        [fish.surface_and_skin_at(tick)], view, tick, times[tick]
+                    )
                     if writer is not None:
                         writer.write(frame)
                     frame_times.append((time.perf_counter() - start, time.process_time() - worked))

@@ -15,11 +15,11 @@ from finloop.io.movie import Mp4Writer
 from finloop.io.picture import save_picture
 from finloop.io.viewer import save_viewer
 from finloop.project import Project
-from finloop.tank.body import arc_lengths, typical_half_widths
+from finloop.tank.body import arc_lengths, median_half_widths
 from finloop.tank.camera import FOLLOW, PRESETS, TankSize, camera_views
 from finloop.tank.fish import FishSurface
 from finloop.tank.gltf import AnimatedFish, encode_tank_glb, principal_shapes, to_gltf_axes
-from finloop.tank.scene import TankScene, choose_window
+from finloop.tank.scene import TankScene, select_offscreen_renderer
 from finloop.tank.settings import TankSettings
 from finloop.tank.skin import FishSkins
 from finloop.tank.swim import USED, film_body_shapes, poses_in_tank, swimming_heights
@@ -46,7 +46,7 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
     film = film_body_shapes(tracks, project.features[columns])
     table = pd.DataFrame() if sprites is None else sprites
     fish_poses = [poses_in_tank(fish_edit, film, table, bodies) for fish_edit in edits]
-    typical = typical_half_widths(film.half_width, film.backbone)
+    typical = median_half_widths(film.half_width, film.backbone)
     length = float(np.median(np.concatenate([arc_lengths(pose.backbone) for pose in fish_poses])))
     centres = tracks[["x_px", "y_px"]].to_numpy(float)
     skins = FishSkins(film, typical, centres, project.cutouts.__getitem__)
@@ -99,7 +99,7 @@ def main() -> None:
     They are written to data/tank/, a contact sheet and the metrics to reports/tank/.
     """
     p: TankSettings = load_settings("tank")
-    choose_window()
+    select_offscreen_renderer()
     with Project() as project, whole_folder(OUT) as folder:
         facts, rate = project.facts, project.rate_hz
         fish, time = animated_fish(p, project)
@@ -114,10 +114,10 @@ def main() -> None:
 
             def draw_view(camera: str, tick: int) -> np.ndarray:
                 """Return the picture (h, w, 3) of the tank that a camera sees at a tick."""
-                shapes = [surface.shape_at(tick) for surface in fish]
+                shapes = [surface.surface_and_skin_at(tick) for surface in fish]
                 return scene.draw_frame(shapes, cameras[camera], tick, time[tick])
 
-            save_picture(folder / "still.png", draw_view(FOLLOW, first.find_bent_tick()))
+            save_picture(folder / "still.png", draw_view(FOLLOW, first.find_strongly_bent_tick()))
             # In the middle of each of MOMENTS equal parts of the film; a row for each camera.
             moments = np.linspace(0, ticks - 1, 2 * MOMENTS + 1).astype(int)[1::2]
             sheet = [[draw_view(name, int(tick)) for tick in moments] for name in PRESETS]

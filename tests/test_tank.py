@@ -24,13 +24,13 @@ from finloop.tank.body import (
     AROUND,
     RINGS,
     fish_surfaces,
+    median_half_widths,
     surface_normals,
     surface_triangles,
-    typical_half_widths,
 )
 from finloop.tank.camera import CAMERAS, VIEW_DEG, camera_views
 from finloop.tank.light import LitFloor, WaterSurface
-from finloop.tank.scene import choose_window
+from finloop.tank.scene import select_offscreen_renderer
 from finloop.tank.skin import FishSkins
 from finloop.tank.swim import film_body_shapes, swimming_heights
 
@@ -190,7 +190,7 @@ def test_no_water_is_seen_on_the_skin():
     tracks, heads, cutouts = toy()
     white = [one._replace(pixels=np.repeat(one.pixels[..., -1:], 4, axis=2)) for one in cutouts]
     film = film_body_shapes(tracks, heads)
-    typical = typical_half_widths(film.half_width, film.backbone)
+    typical = median_half_widths(film.half_width, film.backbone)
     skins = FishSkins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), white.__getitem__)
     assert np.quantile(skins.skin(0)[16:48, 14:], 0.01) > 225
 
@@ -250,7 +250,7 @@ def test_the_shadow_lies_away_from_the_sun_and_the_rest_is_the_film():
     background = np.full((150, 200), 120, np.uint8)
     floor = LitFloor(background, ROOM)
     fish = fish_of(edit_list(1, x_px=100.0, y_px=75.0))
-    points = fish.shape_at(0)[0]
+    points = fish.surface_and_skin_at(0)[0]
     without = floor.draw_floor([points + (1000, 0, 0)], 3.0).astype(int)
     taken = without - floor.draw_floor([points], 3.0)
     assert taken.min() >= 0 and taken.max() > 40
@@ -271,4 +271,4 @@ def test_water_is_clear_from_above_and_a_mirror_from_afar():
 
 def test_a_missing_library_is_named():
     with pytest.raises(FinloopError, match="libegl1"):
-        choose_window({"libNoSuchThing.so.0": "vtkEGLRenderWindow"})
+        select_offscreen_renderer({"libNoSuchThing.so.0": "vtkEGLRenderWindow"})

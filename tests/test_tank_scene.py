@@ -29,7 +29,7 @@ from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
 from finloop.io.viewer import _load_viewer_script
 from finloop.tank import gltf
 from finloop.tank.camera import camera_views
-from finloop.tank.scene import TankScene, choose_window
+from finloop.tank.scene import TankScene, select_offscreen_renderer
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -43,7 +43,7 @@ def _viewer():
 
 def _draws():
     try:
-        choose_window()
+        select_offscreen_renderer()
     except FinloopError:
         return False
     return True
@@ -75,7 +75,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
     floor[:40, :40] = 60
     with TankScene(floor, tank, size) as scene:
         for tick in range(2):
-            shown = scene.draw_frame([fish.shape_at(tick)], view, tick, 0.0).astype(int)
+            shown = scene.draw_frame([fish.surface_and_skin_at(tick)], view, tick, 0.0).astype(int)
             vivid = np.abs(shown[..., 0] - shown[..., 2]) > 42  # red or blue: the fish alone is
             seen = vivid[3:153, 4:204]  # the film within the picture
             assert shown[13:33, 14:34].mean() < 80 < 110 < shown[-30:-10, 20:40].mean() < 140
@@ -85,7 +85,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
             assert not (seen & ~near).any()
             at = np.argwhere(seen).mean(0)[::-1]
             assert at == pytest.approx(fish.place[tick, :2] * (1, -1), abs=2)
-        again = scene.draw_frame([fish.shape_at(1)], view, 1, 0.0)
+        again = scene.draw_frame([fish.surface_and_skin_at(1)], view, 1, 0.0)
         assert np.array_equal(again, shown)  # the same window draws the same again
         left = fish.poses.backbone[1, 8] - fish.poses.backbone[1, 4]
         left = np.array([left[1], -left[0]]) / np.linalg.norm(left)
@@ -104,7 +104,9 @@ def test_several_fish_are_drawn_each_with_its_shadow():
     shown = {}
     for name, fish in {"one": [one], "other": [other], "both": [one, other]}.items():
         with TankScene(floor, tank, size, len(fish)) as scene:
-            shown[name] = scene.draw_frame([own.shape_at(0) for own in fish], view, 0, 0.0)
+            shown[name] = scene.draw_frame(
+                [own.surface_and_skin_at(0) for own in fish], view, 0, 0.0
+            )
     left, right = np.s_[:, :100], np.s_[:, 108:]
     assert np.array_equal(shown["both"][left], shown["one"][left])
     assert np.array_equal(shown["both"][right], shown["other"][right])
@@ -161,7 +163,7 @@ def test_vtk_reads_the_scene_and_finds_the_fish_at_every_tick(count, tmp_path):
         reader.UpdateTimeStep(tick / 25)
         meshes = _meshes(reader.GetOutput())
         sizes = sorted(len(points) for points in meshes)
-        wanted = [fish.shape_at(tick)[0].reshape(-1, 3) - ROOM.middle for fish in every]
+        wanted = [fish.surface_and_skin_at(tick)[0].reshape(-1, 3) - ROOM.middle for fish in every]
         seen = [points for points in meshes if len(points) == len(wanted[0])]
         for points, one in zip(seen, wanted, strict=True):
             there = np.array([gltf.to_gltf_axes(point / LENGTH) for point in one])

@@ -6,7 +6,7 @@ import pandas as pd
 
 from finloop.base.cutout import Cutout
 from finloop.edit.schema import WHY
-from finloop.tank.body import typical_half_widths
+from finloop.tank.body import median_half_widths
 from finloop.tank.camera import TankSize
 from finloop.tank.fish import FishSurface
 from finloop.tank.skin import FishSkins
@@ -105,7 +105,7 @@ def edit_list(n, **columns):
 def fish_of(edit):
     tracks, heads, cutouts = toy()
     film = film_body_shapes(tracks, heads)
-    typical = typical_half_widths(film.half_width, film.backbone)
+    typical = median_half_widths(film.half_width, film.backbone)
     pose = poses_in_tank(edit, film, SPRITE)
     skins = FishSkins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), cutouts.__getitem__)
     place = np.c_[pose.centre, np.full(len(edit), 40.0)]
@@ -115,7 +115,7 @@ def fish_of(edit):
 def fish_mask(fish, tick, shape):
     """What a fish covers, seen from above."""
     mask = np.zeros(shape, np.uint8)
-    at = (fish.shape_at(tick)[0][..., :2] * (1, -1)).astype(np.float32)
+    at = (fish.surface_and_skin_at(tick)[0][..., :2] * (1, -1)).astype(np.float32)
     for pair in zip(at[:-1], at[1:], strict=True):
         hull = cv2.convexHull(np.concatenate(pair))
         cv2.fillConvexPoly(mask, np.rint(16 * hull).astype(np.int32), 255, cv2.LINE_AA, 4)

@@ -47,12 +47,12 @@ class FishOnlyPainter:
         self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
 
     def show(self, *fish: PlacedFish) -> Box:
-        """Paint some fish on clean canvases, the lowest first; return the box that they cover."""
+        """Paint fish on clean canvases, the lowest first; return the box that they cover."""
         self.white.show(*fish)
         return self.black.show(*fish)
 
     def cut_box(self, box: Box) -> Picture:
-        """Return what was painted within a box: RGBA (h, w, 4) uint8, premultiplied by alpha.
+        """Return the painted fish within a box: RGBA (h, w, 4) uint8, premultiplied by alpha.
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
@@ -64,7 +64,7 @@ class FishOnlyPainter:
 
 
 def box_of_all_fish(frames: Iterable[Sequence[PlacedFish]], painter: FishOnlyPainter) -> Box:
-    """Return the smallest box of the canvas that holds all fish of all ticks, with a rim.
+    """Return the smallest box of the canvas that holds all fish of all ticks, and a rim.
 
     frames: the fish of every tick; painter: paints them. The box is one pixel if no fish is on the
     canvas.
@@ -99,7 +99,7 @@ def cut_out_fish(
 
 
 def _straighten_alpha(pixels: Picture) -> Picture:
-    """Return a picture with straight alpha, (h, w, 4) RGBA uint8, from a premultiplied one.
+    """Convert a premultiplied picture to straight alpha: (h, w, 4) RGBA uint8.
 
     The colour of a faint pixel is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the
     mean around it, as transparent pixels within `RIM` do. Else video codecs, which halve the
@@ -120,7 +120,7 @@ def _straighten_alpha(pixels: Picture) -> Picture:
 def sprites_of_sequence(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
 ) -> tuple[list[tuple[PlacedFish]], int]:
-    """Return the sprites of a sequence, a fish to draw for each step, and half a canvas's width.
+    """Return the sprites of a sequence as fish to draw, and half the width of a canvas for them.
 
     A square canvas 2 half + 1 px wide holds them all: each is headed right, with its mass centre in
     the middle pixel. sprites: schema SPRITES; sequence: name of the sequence.
@@ -142,7 +142,7 @@ def add_film_sources(
     edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
     mm_per_px: float | None = None, length_px: float = np.nan,
 ) -> pd.DataFrame:  # fmt: skip
-    """Return an edit list with the track and frame of the film of each row, and lengths in mm.
+    """Add to an edit list the track and frame of each row in the film, and lengths in mm.
 
     The result has the columns READABLE. edit: schema EDIT; tracks: track_id and frame of every
     cut-out (pixels of a fish with alpha); sprites: schema SPRITES; mm_per_px: None where unknown;
@@ -160,7 +160,7 @@ def add_film_sources(
 
 
 def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
-    """Return an edit list (READABLE) for CSV: the lists in `pose` as columns pose_1, pose_2 etc.
+    """Return an edit list (READABLE) for CSV: list column `pose` becomes pose_1, pose_2 etc.
 
     A row without a pose has empty cells there. Where no scale is known, columns in mm are left out.
     """
@@ -177,7 +177,7 @@ def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
 def _film_source_columns(
     edit: pd.DataFrame, prefix: str, source: str, tracks: pd.DataFrame, sprites: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return track_id, frame and sprite name (atlas) of the picture in each row of an edit list.
+    """Return track, frame and sprite name of the picture in each row of an edit list.
 
     prefix, source: "" and "source" for the columns of the main picture, "partner_" and "partner"
     for the one to cross-fade with; tracks: track_id and frame of every cut-out; sprites: schema

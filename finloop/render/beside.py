@@ -57,7 +57,7 @@ def draw_side_by_side(
 def _draw_panels(
     edit: pd.DataFrame, gallery: Gallery, floor: Picture, half_px: float, size: int
 ) -> Iterator[tuple[Picture, str]]:
-    """Yield, for each tick of an edit list, a panel: a square picture and the kind of its picture.
+    """Yield a square panel for each tick of an edit list, and the kind of the picture shown.
 
     The kind is a key of `COLOURS`, such as "film". half_px: how far a panel shows the tank on each
     side of the fish; size: side of a panel, px.

@@ -44,7 +44,7 @@ class CutoutSet(NamedTuple):
 
 
 class Gallery:
-    """The fish pictures that the rows of edit lists name; those used last stay in memory."""
+    """Pictures of fish that edit lists name; the last used ones stay in memory."""
 
     def __init__(
         self, cutout_sets: Mapping[str, CutoutSet], bodies: Bodies | None = None, keep: int = 512
@@ -96,7 +96,7 @@ class Gallery:
         return TurnedPicture(self.film_picture(source, mirrored), rotation_deg, scale)
 
     def place_row(self, row: Any) -> PlacedFish:
-        """Return the fish that a row of an edit list, a named tuple, draws, with its cross-fade."""
+        """Return the fish that a row of an edit list draws: place, picture and cross-fade."""
         has_partner = row.weight > 0
         pictures = [row_picture(row), row_partner(row)] if has_partner else [row_picture(row)]
         drawn: list[TurnedPicture] | list[BentPicture]
@@ -108,7 +108,7 @@ class Gallery:
         return PlacedFish(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
     def _pictures_to_bend(self, pictures: Sequence[RowPicture], codes: Floats) -> list[BentPicture]:
-        """Return film pictures (one, or two to cross-fade) that are to be bent into one pose.
+        """Return film pictures (one, or two to cross-fade), ready to be bent into one pose.
 
         codes (c,): that pose, by its principal-component scores; all are drawn with the heading and
         size of the first picture. Mirrored pictures are mirrored first, then bent.
@@ -155,7 +155,7 @@ def build_cutout_sets(
 
 
 def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
-    """Yield, for each row of an edit list (schema EDIT), the fish that it draws, and where.
+    """Yield the fish that each row of an edit list (schema EDIT) draws: place and picture.
 
     FinloopError before the first one lists all that cannot be drawn.
     """
@@ -164,7 +164,7 @@ def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
 
 
 def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[PlacedFish, ...]]:
-    """Yield, for each tick of an edit list (schema EDIT), all its fish by number.
+    """Yield the fish that each tick of an edit list (schema EDIT) draws, ordered by number.
 
     FinloopError before the first one lists all that cannot be drawn.
     """
@@ -198,7 +198,7 @@ def _check_drawable(edit: pd.DataFrame, gallery: Gallery) -> None:
 
 
 class _ColumnCheck(NamedTuple):
-    """The rows (n,) of an edit list whose value in a column is bad, and what is wanted there."""
+    """A check of a column of an edit list: a mask (n,) of the bad rows, and what is wanted."""
 
     is_bad: Mask
     column: str
@@ -206,7 +206,7 @@ class _ColumnCheck(NamedTuple):
 
 
 def _describe_bad_rows(edit: pd.DataFrame, check: _ColumnCheck) -> str:
-    """Return a sentence on the first bad row of an edit list, with the number of the others."""
+    """Return a sentence about the first bad row of an edit list and the number of the others."""
     bad = edit[check.is_bad]
     tick, value = bad.iloc[0]["tick"], bad.iloc[0][check.column]
     others = f" (and at {len(bad) - 1} more ticks)" if len(bad) > 1 else ""
@@ -254,7 +254,7 @@ def _find_bad_pictures(
 
 
 def _find_bad_poses(edit: pd.DataFrame, bodies: Bodies | None) -> _ColumnCheck:
-    """Return the check of an edit list's poses: None, or as many finite codes as `bodies` have."""
+    """Return the check of an edit list's poses: each is None, or has as many codes as `bodies`."""
     code_count = 0 if bodies is None else bodies.poses.codes.shape[1]
     fits = [
         pose is None

@@ -40,10 +40,10 @@ _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """Return the name of what each row of an edit list shows, (rows,), and each name's colour.
+    """Return the category that each row of an edit list shows, (rows,), and each category's colour.
 
-    Names are kinds of picture ("film", "sprite", …), or the states of swimming if all rows show the
-    same kind. Colours are "#RRGGBB".
+    A category is a kind of picture ("film", "sprite", …), or a state of swimming if all rows show
+    the same kind. Colours are "#RRGGBB".
     """
     names = picture_kinds(edit)
     names = names if names.nunique() > 1 else edit["state"]
@@ -53,7 +53,7 @@ def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
 
 
 class GoalStretch(NamedTuple):
-    """The ticks from `start` up to before `stop`, in which a fish swims to one goal.
+    """The ticks from `start` to before `stop` in which a fish swims to one goal.
 
     name: of the goal, "" = the fish wanders.
     """
@@ -64,7 +64,7 @@ class GoalStretch(NamedTuple):
 
 
 def goal_stretches(edit: pd.DataFrame) -> list[GoalStretch]:
-    """Return, in order, the stretches in which the only fish of an edit list swims to one goal."""
+    """Split an edit list of one fish into stretches, in order, of one goal each."""
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
     return [GoalStretch(goal[start], int(start), int(stop)) for start, stop in pairwise(edges)]
@@ -96,7 +96,7 @@ def write_text(
 
 
 class Pen(NamedTuple):
-    """How a line is drawn: its colour (red, green, blue, 0 … 255) and its width, px."""
+    """Colour (red, green, blue, 0 … 255) and width [px] of a line."""
 
     colour: tuple[int, int, int]
     width_px: int
@@ -149,7 +149,7 @@ class MarkPainter:
             self._draw_goal(name, _WAITING)
 
     def _lay_out_caption(self, edit: pd.DataFrame, places: NDArray[np.float64]) -> None:
-        """Set the texts of the caption at every tick, and where it and its parts are.
+        """Set the caption's text at every tick, and the places of its parts.
 
         From left to right: a square if there is one fish, the time, the words. places (rows, 2):
         px, of all fish, which the caption shall not cover.
@@ -174,7 +174,7 @@ class MarkPainter:
         self._draw_caption(tick)
 
     def _draw_floor(self, tick: int) -> None:
-        """Draw what a tick adds to the floor: a piece of each path, and a change of goals.
+        """Draw on the floor what a tick adds: a piece of each path, and changed goals.
 
         The goal before gets a dot, as it is reached; the new one gets its own colour.
         """
@@ -237,12 +237,12 @@ class MarkPainter:
         self._mark_floor_changed(changed, reach)
 
     def _text_width_px(self, text: str) -> int:
-        """Return how wide, in px, a text is in the goals' letters."""
+        """Return the width [px] of a text in the font of the goals' names."""
         picture_size = 10_000, 100  # large enough for any text
         return int(cv2.getTextSize(picture_size, text, (0, 0), _FONT, self._size, _BOLD)[2])
 
     def _mark_floor_changed(self, points: NDArray[np.float64], reach: float) -> None:
-        """Tell the painter that the floor changed in the box of points (n, 2), `reach` px wider."""
+        """Mark a box of the floor as changed: that of points (n, 2), enlarged by `reach` px."""
         left, top = np.floor(points.min(axis=0) - reach).astype(int)
         right, bottom = np.ceil(points.max(axis=0) + reach).astype(int) + 1
         box = Box(int(top), int(left), int(bottom), int(right))
@@ -250,7 +250,7 @@ class MarkPainter:
 
 
 def _faint_colour(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
-    """Return a faint colour (RGB) on a floor (h, w, 3), for a path that leads to no goal.
+    """Return a faint colour (RGB) for paths without a goal, which suits the floor (h, w, 3).
 
     The colour is a little darker than a bright floor, or brighter than a dark one.
     """
@@ -260,7 +260,7 @@ def _faint_colour(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
 
 
 def _subpixel_point(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, int]:
-    """Return a point (x, y px) in sixteenths of a pixel, as cv2 takes it with `_SHIFT`."""
+    """Return a point (x, y px) in sixteenths of a pixel, as whole numbers for OpenCV."""
     x, y = (round(float(coordinate) * 2**_SHIFT) for coordinate in point)
     return x, y
 
@@ -268,7 +268,7 @@ def _subpixel_point(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, 
 def _find_free_corner(
     places: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int], gap: int
 ) -> Box:
-    """Return the box for a caption, in the corner of a picture that fish are least often near.
+    """Return the box for a caption, in that corner of the picture where fish are least often.
 
     places (n, 2): of the fish, px; size: width and height of the caption; shape: height and width
     of the picture; gap: from caption to edge; all px. Of equal corners the first counts: upper

@@ -54,7 +54,7 @@ class Box(NamedTuple):
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Return the slices of rows and columns that cut the box out of a canvas."""
+        """Return the slices of rows and columns that select the box in an array."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     @property
@@ -100,9 +100,9 @@ class PaddedPicture(NamedTuple):
 
 
 class PictureLayer(NamedTuple):
-    """A picture to draw, see `PaddedPicture`, and how places on the canvas map to its pixels.
+    """A picture to draw (see `PaddedPicture`), and the affine map from the canvas to its pixels.
 
-    Its pixel (u, v) is seen at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
+    The canvas shows its pixel (u, v) at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
     """
 
     pixels: Image
@@ -131,7 +131,7 @@ class TurnedPicture(NamedTuple):
         )
 
     def layer_at(self, x_px: float, y_px: float) -> PictureLayer:
-        """Return the picture placed with its mass centre at (x_px, y_px) of the canvas."""
+        """Return the layer that draws the picture with its mass centre at (x_px, y_px)."""
         cos, sin = (part / self.scale for part in self._cos_and_sin())
         pixels, near, centre_u, centre_v = self.picture
         u_offset = centre_u - cos * x_px + sin * y_px
@@ -159,7 +159,7 @@ class BentPicture(NamedTuple):
     mirrored: bool
 
     def pose_at(self, x_px: float, y_px: float) -> PosedPicture:
-        """Return the picture in its posture, its mass centre at (x_px, y_px) of the canvas."""
+        """Return the picture bent into its posture, with its mass centre at (x_px, y_px)."""
         target = PlacedBackbone(x_px, y_px, self.heading_rad, self.size_px, self.posture)
         return PosedPicture(self.picture.pixels, self.source, target, self.mirrored)
 
@@ -169,7 +169,7 @@ class BentPicture(NamedTuple):
 
 
 def pad_picture(pixels: Image, x_px: float, y_px: float) -> PaddedPicture:
-    """Return a cut-out (h, w, 2 or 4) uint8 with a transparent rim, so that it can be drawn.
+    """Return a cut-out (h, w, 2 or 4) uint8 with a transparent rim, as drawing needs it.
 
     x_px, y_px: its mass centre, px of the cut-out.
     """
@@ -203,7 +203,7 @@ class PlacedFish(NamedTuple):
 
 
 class Shadow(NamedTuple):
-    """A fish's shadow on those below it: `share` of the light taken, `blur_px`: SD of its blur."""
+    """A fish's shadow on fish below it: `share` of the light taken, `blur_px`: SD of the blur."""
 
     share: float
     blur_px: float
@@ -230,7 +230,7 @@ class Painter:
 
     @property
     def frame(self) -> Image:
-        """Return a view of the canvas as (H, W) or (H, W, 3)."""
+        """Return the canvas as a view (H, W) or (H, W, 3)."""
         return self.canvas if self.canvas.shape[2] == 3 else self.canvas[..., 0]
 
     def mark_changed(self, box: Box) -> None:
@@ -245,7 +245,7 @@ class Painter:
         self._touched.clear()
 
     def show(self, *fish: PlacedFish) -> Box:
-        """Draw fish on the clean floor, in the order given; return the box that they cover.
+        """Draw fish on the clean floor, in the given order; return the box that they cover.
 
         fish: one or more, from the lowest to the highest; each casts its shadow on those below.
         """
@@ -315,7 +315,7 @@ class Painter:
 
 @leaf_kernel
 def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
-    """Return the interpolated colour at (u, v): red, green, blue, alpha; colour ≤ alpha ≤ 255.
+    """Return the colour at (u, v) by cubic interpolation: red, green, blue, alpha; colour ≤ alpha.
 
     pixels (h, w, 2 or 4): premultiplied by alpha; near (h, w): 0 where all pixels around are
     transparent, and so is the result; u, v: column and row, parts of a pixel included.
@@ -357,7 +357,7 @@ def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
-    """Return where pixel (x, y) lies in a picture, (u, v), and whether it can be sampled there.
+    """Return where canvas pixel (x, y) lies in a picture, (u, v), and whether it can be sampled.
 
     It can if the pixels −1, 0, 1 and 2 from (u, v) on, which the cubic kernel reads, lie in the
     picture. m: as in `PictureLayer`; shape: height and width of the picture.

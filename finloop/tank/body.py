@@ -37,7 +37,7 @@ _NEAR = 0.2  # own half widths are kept this near to the animal's typical ones (
 
 @dataclass(frozen=True)
 class SurfaceGrid:
-    """A grid of points on a fish's surface, which fits any backbone of p points.
+    """A grid of points on a fish's surface, which fits any backbone with p points.
 
     place, along (RINGS · AROUND, p): matrices; times a backbone (p, 2) they give each point's place
     on it and the direction there. s, angle (RINGS, AROUND): where along the backbone (0 head, 1
@@ -54,14 +54,17 @@ class SurfaceGrid:
 
 @lru_cache
 def surface_grid(backbone_points: int) -> SurfaceGrid:
-    """Return the surface grid for backbones with a number of equally spaced points, head first."""
+    """Return the surface grid for backbones of a number of equally spaced points, head first."""
     half = np.radians(_HALF_DEG)
     around = np.concatenate([half[::-1], -half[1:]])  # from below over left, above and right
-    return build_surface_grid(_ring_places(), around, backbone_points)
+    return build_surface_grid(_ring_positions(), around, backbone_points)
 
 
-def _ring_places() -> Reals:
-    """Return where the rings lie, (RINGS,), 0-1 from head to tail: closer together at both ends."""
+def _ring_positions() -> Reals:
+    """Return the positions (RINGS,) of the rings along the body, 0 head … 1 tail.
+
+    They are closer together at both ends.
+    """
     return (1 - np.cos(np.pi * np.linspace(0, 1, RINGS))) / 2
 
 
@@ -82,8 +85,8 @@ def build_surface_grid(ring: Reals, angle: Reals, points: int) -> SurfaceGrid:
     return SurfaceGrid(place, along, s, angle, width_share)
 
 
-def typical_half_widths(half_width: Reals, backbone: Reals) -> Reals:
-    """Return the median half width (p,) along the body over n pictures, in body lengths.
+def median_half_widths(half_width: Reals, backbone: Reals) -> Reals:
+    """Return the median half widths (p,) along the body over n pictures, in body lengths.
 
     half_width (n, p), backbone (n, p, 2): px, at p points from head to tail.
     """
@@ -106,7 +109,7 @@ def fish_surfaces(
     grid = surface_grid(half_width.shape[1])
 
     def along_body(profile: dict[float, float]) -> Reals:
-        """Return values at the grid's points, interpolated from those by place along the body."""
+        """Interpolate a profile (place along the body → value) at the points of the grid."""
         return scipy.interpolate.PchipInterpolator(list(profile), list(profile.values()))(grid.s)
 
     # A film from above shows no height: it is taken from the greatest width, within limits.
@@ -131,7 +134,7 @@ def limit_half_widths(half_width: Reals, backbone: Reals, typical: Reals) -> Rea
 
 
 def top_view_points(grid: SurfaceGrid, backbone: Reals, half_width: Reals) -> Reals:
-    """Return a surface grid's points on n backbones as seen from above, (n, r, a, 2) px.
+    """Return where a grid's points lie on n backbones, seen from above: (n, r, a, 2) px.
 
     r, a: rings along the body, and points around it.
     """
@@ -167,7 +170,7 @@ def surface_normals(points: Reals) -> Reals:
 
 @lru_cache
 def surface_triangles() -> NDArray[np.int32]:
-    """Return point numbers (m, 3) of a surface's triangles, anticlockwise from outside."""
+    """Return the triangles of a surface as point numbers (m, 3), anticlockwise from outside."""
     ring, column = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND - 1), indexing="ij")
     a = ring * AROUND + column  # each square a b d c of the grid is two triangles
     b, c, d = a + 1, a + AROUND, a + AROUND + 1
@@ -178,5 +181,5 @@ def surface_triangles() -> NDArray[np.int32]:
 def texture_coordinates() -> NDArray[np.float32]:
     """Return texture coordinates (RINGS · AROUND, 2) of a surface's points, 0–1: along, around."""
     angle = surface_grid(4).angle[0]  # the same for any number of backbone points
-    u, v = np.meshgrid(_ring_places(), (np.pi - angle) / (2 * np.pi), indexing="ij")
+    u, v = np.meshgrid(_ring_positions(), (np.pi - angle) / (2 * np.pi), indexing="ij")
     return np.stack([u, v], -1).reshape(-1, 2).astype(np.float32)

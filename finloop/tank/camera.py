@@ -61,7 +61,7 @@ class TankSize(NamedTuple):
 def camera_views(
     camera: str, tank: TankSize, fish: Reals, heading: Reals, rate_hz: float
 ) -> CameraViews:
-    """Return the place and the aim of a camera, one of CAMERAS, at every tick.
+    """Return a camera's place and aim at every tick; `camera` is one of CAMERAS.
 
     fish (ticks, 3), heading (ticks,): place [px], and direction [rad] without jumps of 2π, of the
     fish that some cameras follow. Angles are chosen for the looks.
@@ -81,11 +81,11 @@ def camera_views(
         return _view_from_outside(tank, azimuth_deg, elevation_deg=22.0)
     if camera == FOLLOW:
         return _view_following_fish(tank, fish, heading, rate_hz)
-    return _view_touring(tank, fish, heading, rate_hz)
+    return _view_tour(tank, fish, heading, rate_hz)
 
 
 def _view_from_outside(tank: TankSize, azimuth_deg: Reals, elevation_deg: float) -> CameraViews:
-    """Return views from outside, as near as possible with the whole tank in the picture.
+    """Return views from outside, as near as the whole tank fits into the picture.
 
     azimuth_deg (ticks,), elevation_deg: direction from the tank to the camera, anticlockwise from
     x, and above the floor.
@@ -116,7 +116,7 @@ def _view_from_outside(tank: TankSize, azimuth_deg: Reals, elevation_deg: float)
 def _view_following_fish(
     tank: TankSize, fish: Reals, heading: Reals, rate_hz: float
 ) -> CameraViews:
-    """Return views from behind, above and beside a fish, smoother than its path.
+    """Return views that follow a fish from behind, above and beside it, smoother than its path.
 
     Angle and distances are chosen for the looks.
     """
@@ -137,8 +137,8 @@ def _view_from_side(tank: TankSize, fish: Reals, rate_hz: float) -> CameraViews:
     return CameraViews(place, path - (0, 0, 0.1 * tank.depth))
 
 
-def _view_touring(tank: TankSize, fish: Reals, heading: Reals, rate_hz: float) -> CameraViews:
-    """Return views that pass smoothly from one of `_SCENES` to the next, again and again."""
+def _view_tour(tank: TankSize, fish: Reals, heading: Reals, rate_hz: float) -> CameraViews:
+    """Return views that pass smoothly through the scenes in `_SCENES`, again and again."""
     # For each tick: the number of its scene, and its share (ticks, 1), as it is blended in.
     ticks = np.arange(len(fish))
     time_s, ends_s = ticks / rate_hz, np.cumsum([seconds for _, seconds in _SCENES])
@@ -152,7 +152,7 @@ def _view_touring(tank: TankSize, fish: Reals, heading: Reals, rate_hz: float) -
     views = [camera_views(name, tank, fish, heading, rate_hz) for name, _ in _SCENES]
 
     def mix_scenes(points: list[Reals]) -> Reals:
-        """Return points (ticks, 3), of which each scene has a list, as the scenes are blended."""
+        """Return points (ticks, 3) blended from those of the scenes, a list in their order."""
         stack = np.stack(points)
         present, before = stack[scene, ticks], stack[scene - 1, ticks]
         return before + share * (present - before)

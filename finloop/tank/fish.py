@@ -32,10 +32,11 @@ class FishSurface:
     length_px: float
 
     def __len__(self) -> int:
+        """Return the number of ticks."""
         return len(self.poses)
 
-    def _compute_batch(self, batch: int) -> tuple[Reals, Reals]:
-        """Return the surface's points and normals, (k, rings, around, 3), in a batch of k ticks.
+    def _compute_surfaces(self, batch: int) -> tuple[Reals, Reals]:
+        """Return points and normals of the surface, (k, rings, around, 3), for a batch of k ticks.
 
         Points are px about the mass centre; batch: the batch's number, from 0.
         """
@@ -45,14 +46,14 @@ class FishSurface:
         )
 
     @cached_property
-    def _recent_batch(self) -> Callable[[int], tuple[Reals, Reals]]:
-        """Return `_compute_batch` with a memory of its latest result: ticks follow each other."""
-        return lru_cache(1)(self._compute_batch)
+    def _cached_batch(self) -> Callable[[int], tuple[Reals, Reals]]:
+        """Return `_compute_surfaces` with a cache of one result, as ticks follow each other."""
+        return lru_cache(1)(self._compute_surfaces)
 
-    def shape_at(self, tick: int) -> SurfaceAndSkin:
-        """Return the surface and the skin at a tick."""
+    def surface_and_skin_at(self, tick: int) -> SurfaceAndSkin:
+        """Return the surface and the skin of the fish at a tick."""
         batch, index = divmod(tick, _BATCH)
-        points, normals = self._recent_batch(batch)
+        points, normals = self._cached_batch(batch)
         return SurfaceAndSkin(points[index] + self.place[tick], normals[index], self.skin(tick))
 
     def skin(self, tick: int) -> Picture:
@@ -69,7 +70,7 @@ class FishSurface:
         They are relative to the mass centre.
         """
         batches = range(math.ceil(len(self) / _BATCH))
-        surfaces = [self._compute_batch(batch)[0].astype(np.float32) for batch in batches]
+        surfaces = [self._compute_surfaces(batch)[0].astype(np.float32) for batch in batches]
         return np.concatenate(surfaces).reshape(len(self), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
@@ -77,7 +78,7 @@ class FishSurface:
         ticks = spread_rows(np.arange(len(self)), most).tolist()
         return np.rint(np.median([self.skin(tick) for tick in ticks], axis=0)).astype(np.uint8)
 
-    def find_bent_tick(self) -> int:
+    def find_strongly_bent_tick(self) -> int:
         """Return a tick at which the fish is more bent than at nine of ten ticks."""
         line = self.poses.backbone
         straightness = np.linalg.norm(line[:, -1] - line[:, 0], axis=-1) / arc_lengths(line)

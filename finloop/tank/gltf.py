@@ -39,6 +39,7 @@ class GlbDocument:
     """
 
     def __init__(self) -> None:
+        """Begin an empty document."""
         self._data = bytearray()
         self._document: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "finloop"},
@@ -111,7 +112,7 @@ class GlbDocument:
 
 
 class PrincipalShapes(NamedTuple):
-    """Principal components of a fish's shapes; at a tick, a shape is about mean + weights · modes.
+    """Principal components of a fish's shapes; a shape is nearly mean + weights · modes.
 
     mean (v, 3) and modes (m, v, 3): v points, px; weights (ticks, m); error_px: the greatest
     distance of a point of such a shape from its true place.
@@ -124,7 +125,7 @@ class PrincipalShapes(NamedTuple):
 
 
 def principal_shapes(points: Reals, heading: Reals, most: int = MODES) -> PrincipalShapes:
-    """Return the mean and the principal components of a fish's shapes, all turned to head right.
+    """Return the principal components of a fish's shapes, all turned to head right.
 
     A component is as large as the standard deviation along it, so that of the weights is about 1.
 
@@ -203,7 +204,7 @@ def encode_tank_glb(
 
 
 def to_gltf_axes(place: Reals) -> list[float]:
-    """Return a place (3,) of the tank in glTF's axes: x right, y up, z towards the viewer."""
+    """Convert a place (3,) of the tank to the axes of glTF: x right, y up, z to the viewer."""
     return [float(place[0]), float(place[2]), float(-place[1])]
 
 
@@ -243,7 +244,7 @@ def _add_fish(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str
 
 
 def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[dict]) -> int:
-    """Add a node whose mesh is a mix of shapes; return its index.
+    """Add a node whose mesh can take several shapes (morph targets); return its index.
 
     primitive: glTF's description of the mean shape; targets: differences that can be added to it.
     """
@@ -255,10 +256,10 @@ def _add_morph_node(glb: GlbDocument, name: str, primitive: dict, targets: list[
 
 
 def _add_shadow(glb: GlbDocument, shape: PrincipalShapes, material: int, name: str) -> int:
-    """Add the node of a fish's shadow, a strip on the floor between its sides; return its index."""
+    """Add the node of a fish's shadow, a flat strip on the floor; return its index."""
 
     def flatten(points: Reals) -> Reals:
-        """Return the points of both sides of the body, pressed flat, (2 · RINGS, 3)."""
+        """Return the points of both sides of the body on the floor, (2 · RINGS, 3)."""
         sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
         return sides.reshape(-1, 3) * (1, 1, 0)
 
@@ -290,7 +291,7 @@ def _add_plain_material(
 def _add_motion(
     glb: GlbDocument, fish: AnimatedFish, places: Mapping[int, Reals]
 ) -> Iterator[tuple[int, str, int]]:
-    """Add the motion of a fish and its shadow: yield node, property, and index of an accessor.
+    """Add the motion of a fish and its shadow; yield (node, property, index of an accessor).
 
     The accessor holds the values of the property, such as "rotation", at every tick. places: the
     place (ticks, 3) of each node, the fish and its shadow, by the node's index.
@@ -307,7 +308,10 @@ def _add_motion(
 
 
 def _add_still_parts(glb: GlbDocument, tank: TankSize, background: NDArray[np.uint8]) -> list[int]:
-    """Add floor (the background picture), edges, water and glass; return their nodes in order."""
+    """Add floor, edges, water and glass; return the indices of their nodes, in order.
+
+    background: picture of the floor.
+    """
     # Four corners on the floor, at the water's surface, and at the rim of the glass above it.
     heights = 0.0, tank.depth, GLASS_PER_DEPTH * tank.depth
     low, water, rim = (np.c_[tank.corners, np.full(4, z)] for z in heights)

@@ -31,7 +31,7 @@ _CELL_PX = 10  # of the pattern of light
 def wave_heights_and_slopes(
     x: Reals, y: Reals, depth: float, time_s: float
 ) -> tuple[Reals, Reals, Reals]:
-    """Return the water's height (px, 0 at rest) and its slopes along x and y at places x, y.
+    """Return the water's height [px, 0 at rest] and its slopes along x and y at some places.
 
     x, y: px, arrays of one shape, which the results share; depth: of the water, px.
     """
@@ -85,11 +85,11 @@ class LitFloor:
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
 
     def _light_pattern(self, time_s: float) -> NDArray[np.uint8]:
-        """Return the light on the floor's grid at a time, uint8: bright lines that move and bend.
+        """Return the pattern of moving bright lines that waves cast on the floor at a time, uint8.
 
-        The lines lie where waves of one set do not slope, and are bent by waves of another set.
-        A light of 255 is `_BRIGHTEST` times as bright as the plain floor. Factors are chosen for
-        the looks.
+        The lines lie where waves of one set do not slope, and are bent by waves of another set. A
+        light of 255 is `_BRIGHTEST` times as bright as the plain floor. Factors are chosen for the
+        looks.
         """
         x, y, depth = self._x, self._y, self._tank.depth
         _, bend_x, bend_y = wave_heights_and_slopes(x, y, depth, 0.7 * time_s)
@@ -102,7 +102,7 @@ class LitFloor:
         return np.rint(np.clip(255 * light, 0, 255)).astype(np.uint8)
 
     def _subtract_shadow(self, light: NDArray[np.uint8], fish: Reals) -> None:
-        """Darken the light (h, w), which is changed, where the shadow of a fish falls.
+        """Darken the light (h, w), in place, where the shadow of a fish falls.
 
         fish (rings, around, 3): its points, px of the tank. The higher the fish swims, the softer
         its shadow is. A shadow beside the floor changes nothing.
@@ -123,7 +123,7 @@ class LitFloor:
 def _draw_soft_shadow(
     rings: NDArray[np.float32], blur_px: float
 ) -> tuple[NDArray[np.uint8], tuple[int, int]]:
-    """Return a shadow's mask (h, w), 0 … 255, with a blurred edge, and its first column and row.
+    """Return a shadow's mask (h, w), 0 … 255, with a soft edge, and its first column and row.
 
     rings (rings, around, 2): x, y px of the picture; the hull of each two neighbours is filled.
     """

@@ -39,8 +39,8 @@ _LIBRARIES = {  # by name: the window of VTK that needs it
 }
 
 
-def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
-    """Make VTK draw off-screen with the first of some libraries that is installed.
+def select_offscreen_renderer(libraries: dict[str, str] = _LIBRARIES) -> None:
+    """Make VTK draw off-screen, with the first of some libraries that is installed.
 
     libraries: VTK's window by the library that it needs. Call it before the first window. On
     systems other than Linux VTK brings what it needs. FinloopError if none is installed.
@@ -64,7 +64,7 @@ def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
 class TankScene(AbstractContextManager["TankScene"]):
     """An off-screen window in which the tank is drawn; `close` it, or use a `with` block.
 
-    Call `choose_window` before.
+    Call `select_offscreen_renderer` before.
     """
 
     def __init__(
@@ -91,6 +91,7 @@ class TankScene(AbstractContextManager["TankScene"]):
         self._plotter.show(auto_close=False)
 
     def __exit__(self, *error: object) -> None:
+        """Close the window."""
         self.close()
 
     def close(self) -> None:
@@ -158,7 +159,7 @@ class TankScene(AbstractContextManager["TankScene"]):
         self._plotter.add_mesh(ball, scalars=_COLOURS, rgba=True, lighting=False)
 
     def _add_floor(self) -> Any:
-        """Add the floor; return its picture, which can be replaced at every tick."""
+        """Add the floor; return its VTK image, to replace at every tick."""
         picture = _empty_image(self._floor.plain.shape)
         corners = np.c_[self._tank.corners, np.zeros(4)]
         mesh = pv.PolyData(corners, np.array([4, 0, 1, 2, 3]))
@@ -167,7 +168,7 @@ class TankScene(AbstractContextManager["TankScene"]):
         return picture
 
     def _add_fish(self) -> tuple[Any, Any]:
-        """Add a fish; return its mesh and the picture of its skin, to change at every tick."""
+        """Add a fish; return its mesh and the VTK image of its skin, to change at every tick."""
         skin = _empty_image((AROUND, LENGTHWISE, 3))
         faces = np.insert(surface_triangles(), 0, 3, axis=1).ravel()
         mesh = pv.PolyData(np.zeros((RINGS * AROUND_BODY, 3)), faces)
@@ -211,7 +212,7 @@ class TankScene(AbstractContextManager["TankScene"]):
 
 
 def _empty_image(shape: tuple[int, ...]) -> Any:
-    """Return a black VTK image (height, width …), whose pixels can be replaced."""
+    """Return a black VTK image of a shape (height, width …), whose pixels can be replaced."""
     height, width = shape[:2]
     image = pv.ImageData(dimensions=(width, height, 1))
     image.point_data[_COLOURS] = np.zeros((width * height, *shape[2:]), np.uint8)

@@ -47,7 +47,7 @@ class FishSkins:
         self, film: FilmBodies, typical: Reals, centres_px: Reals,
         load_cutout: Callable[[int], Cutout], keep: int = 256,
     ) -> None:  # fmt: skip
-        """Prepare the places, the belly and the eyes that all skins share.
+        """Compute what all skins share: the places of their pixels, the belly and the eyes.
 
         typical (p,): median half widths in body lengths; centres_px (n, 2): mass centres, px of the
         film, y down; load_cutout: returns the cut-out of a row; keep: skins that stay in memory.
@@ -65,7 +65,7 @@ class FishSkins:
         self.skin = lru_cache(keep)(self._wrap_cutout)
 
     def _wrap_cutout(self, row: int) -> NDArray[np.float32]:
-        """Return the cut-out of a row of the film wrapped around the body, with belly and eyes.
+        """Return a film row's cut-out wrapped around the body, with belly and eyes added.
 
         The skin is (AROUND, LENGTHWISE, 3), 0 … 255. A grey cut-out gives three equal colours.
         """
@@ -105,7 +105,7 @@ class FishSkins:
 
 
 def _opaque_colours(pixels: Picture) -> NDArray[np.float32]:
-    """Return a cut-out's colours without alpha (0 … 255); faint pixels get those around them.
+    """Return a cut-out's colours (0 … 255) without alpha; faint pixels take those around them.
 
     pixels (h, w, c): premultiplied by alpha, the last channel. The result has one channel less.
     """
@@ -120,7 +120,7 @@ def _opaque_colours(pixels: Picture) -> NDArray[np.float32]:
 def _eye_layers(
     along: NDArray[np.float64], around: NDArray[np.float64]
 ) -> list[tuple[NDArray, float]]:
-    """Return the share of each skin pixel that iris and pupil cover, and their grey levels.
+    """Return the shares of each skin pixel that iris and pupil cover, and their grey levels.
 
     Two pairs: share (n, m), level 0 … 255. along (m,), around (n,): places of the pixels, 0-1 from
     head to tail, and rad from the back. The film, from above, hardly shows the eyes, which are at
@@ -132,7 +132,7 @@ def _eye_layers(
     distance = np.hypot(along - eye_along, across) / radius
 
     def disc(edge: float) -> NDArray[np.float32]:
-        """Return a disc as large as a share of the eye, with a soft edge: 1 inside, 0 outside."""
+        """Return a disc with a soft edge, 1 inside, 0 outside; edge: its radius, 1 = the eye's."""
         return np.clip((edge - distance) / 0.4 + 0.5, 0, 1).astype(np.float32)
 
     return [(disc(1.0), _IRIS), (disc(0.68), _PUPIL)]

@@ -43,7 +43,7 @@ class FilmBodies:
 
 
 class BodyPlacement(NamedTuple):
-    """Which filmed body is shown at each tick, and how it is mirrored, turned and scaled: (ticks,).
+    """Which filmed body is shown at each tick, and how: mirrored, turned and scaled, each (ticks,).
 
     row: of the film; turn_deg: anticlockwise, after mirroring; axis_deg: direction of the line
     through the mass centre about which a mirrored body is reflected.
@@ -74,6 +74,7 @@ class TankPoses:
     weight: Reals
 
     def __len__(self) -> int:
+        """Return the number of ticks."""
         return len(self.centre)
 
 
@@ -123,7 +124,7 @@ def poses_in_tank(
 
 
 def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Reals:
-    """Return the backbone (p, 2) px of a fish that an edit-list row draws in an unfilmed pose.
+    """Return the backbone (p, 2) px of a fish whose pose in an edit-list row was not filmed.
 
     As the filmed posture becomes the unfilmed one, each point of the film's backbone moves like the
     posture's point at the same arc length from the head. All lines are compared headed right, with
@@ -131,7 +132,7 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Reals:
     """
     body = bodies.body_in_edit_row(row_picture(row))
     film_row, to_side = int(body.row), (1, -1 if body.mirrored else 1)
-    line = film.backbone[film_row] @ _turn_matrix(-film.heading_deg[film_row]).T * to_side
+    line = film.backbone[film_row] @ _rotation_matrices(-film.heading_deg[film_row]).T * to_side
     # The posture's points are fewer than the backbone's; y is down in them.
     filmed = bodies.poses.pose[film_row]
     filmed = filmed.move_to(0, 0, 0, filmed.size_px)
@@ -140,11 +141,11 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Reals:
     change = posed.backbone_px() * (1, -1) - filmed_line
     filmed_arc, arc = _arc_length_to_points(filmed_line), _arc_length_to_points(line)
     line += np.column_stack([np.interp(arc, filmed_arc, values) for values in change.T])
-    return row.scale * line @ _turn_matrix(float(body.heading_deg)).T
+    return row.scale * line @ _rotation_matrices(float(body.heading_deg)).T
 
 
-def _turn_matrix(angle_deg: float | Reals) -> Reals:
-    """Return the matrices (…, 2, 2) that turn vectors x, y (y up) anticlockwise by angles (…)."""
+def _rotation_matrices(angle_deg: float | Reals) -> Reals:
+    """Return matrices (…, 2, 2) that turn vectors (y up) anticlockwise by angles (…) [degrees]."""
     angle = np.radians(angle_deg)
     return _stack_matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
 
@@ -157,10 +158,10 @@ def _arc_length_to_points(line: Reals) -> Reals:
 def _find_shown_bodies(
     edit: pd.DataFrame, prefix: str, source_column: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return which filmed body the picture of every tick shows; of a missing picture, any body.
+    """Return which filmed body each tick's picture shows, and how it is placed.
 
-    prefix, source_column: "" and "source" for the main picture, "partner_" and "partner" for the
-    one to cross-fade with.
+    A tick without such a picture gets any body. prefix, source_column: "" and "source" for the main
+    picture, "partner_" and "partner" for the one to cross-fade with.
     """
     source = edit[source_column].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
@@ -192,7 +193,7 @@ def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Reals, Re
     twice = 2 * np.radians(placement.axis_deg)
     mirror = _stack_matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
     line = np.where(placement.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
-    turn = _turn_matrix(placement.turn_deg)
+    turn = _rotation_matrices(placement.turn_deg)
     scale = placement.scale[:, None]
     return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[placement.row]
 
@@ -203,10 +204,10 @@ def _stack_matrices(a: Reals, b: Reals, c: Reals, d: Reals) -> Reals:
 
 
 def swimming_heights(time_s: Reals, depth: float, fish: int = 0) -> Reals:
-    """Return how high above the floor a fish swims at each tick, (ticks,) px.
+    """Return a fish's height above the floor at each tick, (ticks,) px; the height is invented.
 
-    The height is invented, as the film does not show it, and changes slowly. time_s (ticks,): times
-    of the ticks; depth: of the water, px; fish: its number, which shifts the changes in time.
+    The film does not show it; it changes slowly. time_s (ticks,): times of the ticks; depth: of the
+    water, px; fish: its number, which shifts the changes in time.
     """
     shifted_s = time_s + _SHIFT_S * fish
     slow, slower = (np.sin(2 * np.pi * shifted_s / period) for period in (7.3, 17.0))  # s
