@@ -58,7 +58,7 @@ _AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor":
 
 @dataclass(frozen=True)
 class Comparison:
-    """Experiments that are compared: two tables with one row each, and which of them are best.
+    """Compared experiments: their parameters, measures and spreads, and which are best.
 
     Runs that differ in their seeds alone are one experiment. parameters: those that differ between
     experiments. measures: numbers of the experiments, means over seeds. spreads: their standard
@@ -88,7 +88,7 @@ class Preview(NamedTuple):
 
 
 def pareto_front(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return a mask (n,) of the rows of costs (n, k) on the Pareto front; less cost is better.
+    """Return a mask (n,) of the rows of costs (n, k) on the Pareto front; lower is better.
 
     A row is dominated if another row is nowhere greater and somewhere less. Equal rows do not
     dominate each other. A row with NaN is never on the front.
@@ -102,7 +102,7 @@ def pareto_front(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
 def compare_experiments(
     parameters: pd.DataFrame, numbers: pd.DataFrame, measures: Sequence[str]
 ) -> Comparison:
-    """Return a comparison of experiments: parameters that differ, measures, and the Pareto front.
+    """Compare experiments: parameters that differ, measures, and the Pareto front.
 
     parameters, numbers: one row per run, named by the index, and columns `<stage>.<name>`.
     measures: columns of `numbers` to show beside OBJECTIVES. Runs that differ in their seeds alone
@@ -111,7 +111,7 @@ def compare_experiments(
     runs = _differing_parameters(parameters)
     repeats = parameters.loc[runs.index].astype(str).duplicated()  # equal in all, also in seeds
     # A seed among the compared parameters is no seed of a repetition.
-    seeds = _seed_texts(parameters.loc[runs.index].drop(columns=runs.columns))
+    seeds = _join_seeds(parameters.loc[runs.index].drop(columns=runs.columns))
     # The measures of all runs: the objectives first.
     available = numbers.columns[numbers.notna().any()]
     objectives = [objective for objective in OBJECTIVES if objective.key in available]
@@ -149,8 +149,8 @@ def _differing_parameters(parameters: pd.DataFrame) -> pd.DataFrame:
     return runs.sort_values(differing, kind="stable", key=lambda column: rank_values(column)[0])
 
 
-def _seed_texts(parameters: pd.DataFrame) -> "pd.Series[str]":
-    """Return a text for each run, equal for runs that have the same seeds among `parameters`."""
+def _join_seeds(parameters: pd.DataFrame) -> "pd.Series[str]":
+    """Return the seeds of each run joined in a text, equal for runs with the same seeds."""
     seed_rows = parameters[[name for name in parameters if _is_seed(name)]].astype(str).to_numpy()
     return pd.Series([" ".join(row) for row in seed_rows], parameters.index)
 
@@ -178,13 +178,13 @@ def _experiment_names(runs: pd.DataFrame, repeats: "pd.Series[bool]") -> "pd.Ser
 
 
 def _metric_label(key: str) -> str:
-    """Return the page's name of a metric or parameter from its key `<stage>.<name>`."""
+    """Return the label on the page of a metric or parameter with the key `<stage>.<name>`."""
     names = {objective.key: objective.words for objective in OBJECTIVES}
     return names.get(key, key.partition(".")[2].replace("_", " "))
 
 
 def _measure_name(key: str) -> str:
-    """Return a measure `<stage>.<name>` as words, with its stage unless it is from `animate`."""
+    """Return a readable name of a measure `<stage>.<name>`; the stage `animate` is left out."""
     return key.removeprefix("animate.").replace(".", ": ").replace("_", " ")
 
 
@@ -347,8 +347,8 @@ class _ExperimentRow(NamedTuple):
     best: bool
 
 
-def _list_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_ExperimentRow]:
-    """Return a row for each experiment: its parameters, then its measures with their spread.
+def _experiment_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_ExperimentRow]:
+    """Return a table row for each experiment: its parameters, then its measures with spreads.
 
     commits: run → its commit. A row shows 8 digits of its first run's commit, "" if unknown.
     """
@@ -372,7 +372,7 @@ def _list_rows(comparison: Comparison, commits: Mapping[str, str]) -> list[_Expe
 
 
 def _effects_table(effects: Sequence[Effect]) -> Table:
-    """Return the effects as a table of texts: a row per measure and parameter, with its verdict.
+    """Return a table of effects in words: a row per measure and parameter, with the verdict.
 
     Measures that are the same in every run are left out.
     """
@@ -423,7 +423,7 @@ def comparison_page(
         "same": list(map(_measure_name, same_everywhere)),
         "parameters": list(map(str, comparison.parameters)),
         "measures": list(map(_metric_label, comparison.measures)),
-        "rows": _list_rows(comparison, commits or {}),
+        "rows": _experiment_rows(comparison, commits or {}),
         "previews": _preview_uris(comparison, previews or {}),
         "charts": [(name, figure.to_json()) for name, figure in charts.items() if figure],
         "fronts": [(name, figure.to_json()) for name, figure in fronts.items()],
@@ -435,7 +435,7 @@ def comparison_page(
 def _preview_uris(
     comparison: Comparison, previews: Mapping[str, Preview]
 ) -> dict[str, tuple[str, str]]:
-    """Return picture and film of each experiment's first run as data URIs, by experiment.
+    """Return data URIs of each experiment's picture and film, those of its first run.
 
     Experiments without a preview are left out.
     """

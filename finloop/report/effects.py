@@ -37,7 +37,7 @@ _OTHER_DIRECTIONS = {
 
 
 class Effect(NamedTuple):
-    """What a parameter does to a measure.
+    """The effect of a parameter on a measure, compared with the spread between seeds.
 
     values: those of the parameter, numbers first, in order, as texts. means: of the measure, one
     per value. spread: standard deviation between seeds, without what a seed changes alike for all
@@ -58,7 +58,7 @@ class Effect(NamedTuple):
 
 
 def good_direction(measure: str) -> str:
-    """Return HIGHER or LOWER where that is better for a measure `<stage>.<number>`, else "".
+    """Return HIGHER or LOWER, whichever is better for a measure `<stage>.<number>`, else "".
 
     It is the direction of the stage's headline of that name. Numbers of `animate` without a
     headline have that of their target in the report, or of `_OTHER_DIRECTIONS`.
@@ -71,7 +71,7 @@ def good_direction(measure: str) -> str:
 
 
 def _good_direction_of_mode(name: str) -> str:
-    """Return HIGHER or LOWER where that is better for a number `<mode>_<measure>`, else "".
+    """Return HIGHER or LOWER, whichever is better for a number `<mode>_<measure>`, else "".
 
     The beginning of the measure's target in the report says it, such as "≥". A measure without a
     target may stand in `_OTHER_DIRECTIONS`, there without the `trials_` of random goals.
@@ -85,12 +85,12 @@ def _good_direction_of_mode(name: str) -> str:
 
 
 def is_category(value: object) -> bool:
-    """Return whether a parameter's value is no number but text, a truth value or NaN."""
+    """Return whether a parameter's value is no number: a text, a truth value or NaN."""
     return not isinstance(value, Real) or isinstance(value, bool) or value != value
 
 
 def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
-    """Return the rank of each value, and the text of each rank; equal values have one rank.
+    """Return the rank of each value, and the values by rank as texts; equal values share a rank.
 
     Ranks begin at 0: numbers in rising order, then other values in that of their texts.
     """
@@ -125,12 +125,12 @@ def measure_effects(
 def _remove_seed_effects(
     measure: "pd.Series[float]", cell: "pd.Series[str]", seeds: "pd.Series[str]"
 ) -> "tuple[pd.Series[float], int]":
-    """Return a measure without what a seed changes alike in every cell, and degrees of freedom.
+    """Return a measure without the mean effect of each seed, and the degrees of freedom.
 
     The model is measure = cell + seed, by least squares; the degrees of freedom are those of its
-    residuals. Where the runs cannot distinguish cells from seeds, the measure stays unchanged.
-    All have a row per run: cell and seeds are texts, equal for runs that differ in their seeds
-    alone, and for runs with the same seeds.
+    residuals. Where the runs cannot distinguish cells from seeds, the measure stays unchanged. All
+    have a row per run: cell and seeds are texts, equal for runs that differ in their seeds alone,
+    and for runs with the same seeds.
     """
     cell_columns = pd.get_dummies(cell, dtype=float)
     seed_columns = pd.get_dummies(seeds.loc[measure.index], dtype=float).iloc[:, 1:]
@@ -205,7 +205,7 @@ def _describe_effect(effect: Effect, good: str, number_count: int) -> str:
 
 
 def _describe_values(values: Sequence[str], chosen: Mask, number_count: int) -> str:
-    """Return which values are chosen: "at 0.2", "between 0.2 and 0.5", "at 0.2, 1 and auto".
+    """Describe the chosen values: "at 0.2", "between 0.2 and 0.5", "at 0.2, 1 and auto".
 
     chosen: a mask of the values, not all False. number_count: as in `_describe_effect`.
     """

@@ -31,12 +31,12 @@ class WebP(NamedTuple):
 
 
 def data_uri(kind: str, content: bytes) -> str:
-    """Return bytes as a data URI, which a page can contain; kind: MIME type, as "video/mp4"."""
+    """Return bytes as a data URI, which a page can contain; kind: MIME type such as "video/mp4"."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def encode_webp(picture: Picture, max_width_px: int, quality: int) -> WebP:
-    """Return a picture (h, w) or (h, w, 3) RGB as a WebP data URI; a wider one is reduced.
+    """Return a picture, (h, w) or (h, w, 3) RGB, as a WebP data URI; a wider one is reduced.
 
     quality: that of WebP, 0 … 100.
     """

@@ -95,7 +95,7 @@ def study_page(films: Sequence[FilmResult], common: Sequence[str]) -> str:
 
 
 def _make_thumbnail(picture: bytes) -> bytes:
-    """Return a thumbnail of a picture as JPEG; picture: content of a PNG or JPEG file."""
+    """Return a PNG or JPEG picture reduced to a thumbnail, as a JPEG file's bytes."""
     whole = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
     assert whole is not None, "not a picture"
     height = max(1, round(whole.shape[0] * THUMBNAIL_WIDTH_PX / whole.shape[1]))

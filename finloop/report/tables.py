@@ -113,7 +113,7 @@ def measures_table(measures: pd.DataFrame) -> Table:
 
 
 def table_of_data_frame(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Return a data frame as a table of texts; numbers get about `digits` digits."""
+    """Convert a data frame to a table of texts; numbers get about `digits` digits."""
     rows = [[format_number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 
@@ -131,7 +131,7 @@ def headline_table(numbers: Mapping[str, float], stage: str) -> Table:
 
 
 def mode_headline_numbers(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
-    """Return the few numbers that the report shows first for a mode, as pairs (value, text).
+    """Return the first few numbers that the report shows for a mode, as pairs (value, text).
 
     numbers: those of the stages `animate` and `realism`, by `<mode>_<name>`.
     """
