@@ -57,13 +57,13 @@ class Checkpoints:
 
 
 def pack_result(result: object) -> bytes:
-    """Return the content of a result's file: the pickle's size in bytes, then it, compressed."""
+    """Pack a result for its file: the size of its pickle (8 bytes), then the compressed pickle."""
     plain = pickle.dumps(result, pickle.HIGHEST_PROTOCOL)
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 
 def remove_folders_except(folder: Path, names: Iterable[str]) -> None:
-    """Remove all folders in a folder except for some by name; then the folder itself if empty."""
+    """Remove the subfolders of a folder except those named; then the folder, if it is empty."""
     names = set(names)
     for path in folder.glob("*"):
         if path.name not in names:

@@ -80,17 +80,17 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
             }  # fmt: skip
             moves = np.round(poses[start : end + 1] - poses[start], morph.decimals) + 0.0
             if moves.any():
-                keys = [_timeline_key(seconds[start + k], vertices=v.ravel().tolist())
+                keys = [_key(seconds[start + k], vertices=v.ravel().tolist())
                         for k, v in enumerate(moves)]  # fmt: skip
                 deforms.setdefault(part.name, {})[name] = {"deform": keys}
         timelines: Json = {}
         if len(set(part.colours)) > 1:
             timelines["rgba"] = [
-                _timeline_key(time, color=c) for time, c in zip(seconds, part.colours, strict=True)
+                _key(time, color=c) for time, c in zip(seconds, part.colours, strict=True)
             ]
         if len(names) > 1:
             timelines["attachment"] = [
-                _timeline_key(seconds[start], name=name)
+                _key(seconds[start], name=name)
                 for name, (start, _, _) in zip(names, part.meshes, strict=True)
             ]
         if timelines:
@@ -98,9 +98,7 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     animation: Json = {"slots": slot_lines, "bones": bone_lines,
                        "attachments": {"default": deforms}}  # fmt: skip
     # Something lasts as long as the morph even if nothing moves.
-    animation["bones"]["root"] = {
-        "translate": [_timeline_key(0, x=0, y=0), _timeline_key(seconds[-1], x=0, y=0)]
-    }
+    animation["bones"]["root"] = {"translate": [_key(0, x=0, y=0), _key(seconds[-1], x=0, y=0)]}
     content: Json = {
         "skeleton": {"spine": VERSION, "x": 0, "y": 0, "width": morph.width,
                      "height": morph.height, "fps": float(frame_rate), "images": "./"},
@@ -118,7 +116,7 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     return "; ".join(notes)
 
 
-def _timeline_key(time: float, **values: Any) -> Json:
+def _key(time: float, **values: Any) -> Json:
     """Return a key of a Spine timeline: its time in seconds, and its values."""
     return {"time": round(time, 6), **values}
 
@@ -133,7 +131,10 @@ def _point_to_json(point: Points, decimals: int) -> Json:
 
 
 def _build_slot_meshes(morph: Morph) -> tuple[list[_SlotMesh], list[str]]:
-    """Return a mesh for each fill and stroke of a morph, lowest first, and phrases on losses."""
+    """Return the meshes of a morph's fills and strokes, lowest first, and what Spine cannot hold.
+
+    The losses are phrases for the user.
+    """
     parts = list[_SlotMesh]()
     lost: dict[str, list[str]] = {}
     count = len(morph.tau)
@@ -170,8 +171,8 @@ def _slot_colours(
 ) -> list[str]:
     """Return the colour of a shape's fill or stroke in each of some frames, as rrggbbaa.
 
-    shapes: the shape in every frame. A gradient has its mean along the contour. Where nothing is
-    painted, the nearest earlier colour, or the first one, is transparent.
+    shapes: the shape in every frame. For a gradient it is the mean colour along the contour. Where
+    nothing is painted, it is the last colour before, else the first one, with alpha 0.
     """
     rgba = list[Points | None]()
     for frame in frames:
@@ -213,7 +214,7 @@ def _find_meshes(
         end = _last_frame_without_flip(stack, frame, triangles) if is_whole else frame
         if end == frame:  # those of the next frame may lead there
             later, is_later_whole = triangulate(stack[frame + 1], sizes)
-            if is_later_whole and not _any_triangle_flips(stack[frame], stack[frame + 1], later):
+            if is_later_whole and not _any_flips(stack[frame], stack[frame + 1], later):
                 triangles, end = later, _last_frame_without_flip(stack, frame, later)
             else:
                 end = frame + 1
@@ -224,7 +225,7 @@ def _find_meshes(
     return runs, flawed, rough
 
 
-def _any_triangle_flips(before: Points, after: Points, triangles: Ints) -> bool:
+def _any_flips(before: Points, after: Points, triangles: Ints) -> bool:
     """Return whether any triangle (t, 3) flips while points (n, 2) move straight to others.
 
     Twice its area is a quadratic in time with the Bernstein coefficients a, b, c.
@@ -237,9 +238,7 @@ def _any_triangle_flips(before: Points, after: Points, triangles: Ints) -> bool:
 
 def _last_frame_without_flip(stack: Points, frame: int, triangles: Ints) -> int:
     """Return the last frame of contours (f, n, 2) up to which no triangle flips from a frame on."""
-    while frame + 1 < len(stack) and not _any_triangle_flips(
-        stack[frame], stack[frame + 1], triangles
-    ):
+    while frame + 1 < len(stack) and not _any_flips(stack[frame], stack[frame + 1], triangles):
         frame += 1
     return frame
 
@@ -326,15 +325,11 @@ def _bone_timelines(factors: Complex, middles: Points, seconds: Sequence[float])
     moves = np.round(middles - middles[0], 9) + 0.0
     lines: Json = {}
     if turns.any():
-        lines["rotate"] = [
-            _timeline_key(t, value=v) for t, v in zip(seconds, turns.tolist(), strict=True)
-        ]
+        lines["rotate"] = [_key(t, value=v) for t, v in zip(seconds, turns.tolist(), strict=True)]
     if moves.any():
         lines["translate"] = [
-            _timeline_key(t, x=x, y=y) for t, (x, y) in zip(seconds, moves.tolist(), strict=True)
+            _key(t, x=x, y=y) for t, (x, y) in zip(seconds, moves.tolist(), strict=True)
         ]
     if (scales != 1).any():
-        lines["scale"] = [
-            _timeline_key(t, x=v, y=v) for t, v in zip(seconds, scales.tolist(), strict=True)
-        ]
+        lines["scale"] = [_key(t, x=v, y=v) for t, v in zip(seconds, scales.tolist(), strict=True)]
     return lines

@@ -30,10 +30,10 @@ from finloop.io.svg_safe import load_safe_tree, read_href, use_target
 from finloop.io.svg_style import (
     UnreadableValueError,
     Values,
+    declared_styles,
     inherit_values,
     local_name,
     read_colour,
-    read_declared_styles,
     read_length,
     read_opacity,
 )
@@ -139,7 +139,7 @@ def load_svg(path: Path) -> Drawing:
     try:
         document = _Document(
             path,
-            read_declared_styles(path, root),
+            declared_styles(path, root),
             {element.get("id", ""): element for element in reversed(list(root.iter()))},
             {child: parent for parent in root.iter() for child in parent},
             frozenset(_find_idle_clips(root)),
@@ -211,7 +211,10 @@ class _Problems:
         self._shape = ""
 
     def collect(self, shape: str) -> "_Problems":
-        """Return a context manager that keeps unreadable values as problems of a shape."""
+        """Return a context manager: unreadable values in its block become problems of a shape.
+
+        shape: its name, for the message.
+        """
         self._shape = shape
         return self
 
@@ -618,9 +621,9 @@ def _arc_polyline(arc: Any, tolerance_px: float) -> Points:
 
 
 def _piece_count(count: float) -> int:
-    """Round a number of pieces up to a whole number from 1 to `_MOST_PIECES`.
+    """Return how many straight pieces replace a curve: `count` rounded up, at most `_MOST_PIECES`.
 
-    Infinity and NaN become 1.
+    Infinity and NaN give 1.
     """
     return int(np.ceil(np.clip(count, 1, _MOST_PIECES))) if np.isfinite(count) else 1
 

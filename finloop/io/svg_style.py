@@ -50,17 +50,15 @@ class UnreadableValueError(ValueError):
 # --- the cascade
 
 
-def read_declared_styles(
-    path: Path, root: ElementTree.Element
-) -> dict[ElementTree.Element, Values]:
-    """Return the properties that each element of an SVG tree states itself.
+def declared_styles(path: Path, root: ElementTree.Element) -> dict[ElementTree.Element, Values]:
+    """Return, for each element of an SVG tree, the properties that it states itself.
 
     They come from attributes, then style sheets, then `style`; inherited ones are left out. path:
     of the file, for messages. FinloopError if the style sheets are too long, too complex, or have
     selectors that look at siblings.
     """
     sheets = [element.text or "" for element in root.iter() if local_name(element) == "style"]
-    matcher = _read_sheets(path, sheets, _count_by_depth(root))
+    matcher = _compile_sheets(path, sheets, _count_by_depth(root))
     styles = {text: _read_declarations(text) for text in _distinct_style_attributes(path, root)}
     declared = dict[ElementTree.Element, Values]()
     for wrapper in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
@@ -100,8 +98,8 @@ def _count_by_depth(root: ElementTree.Element) -> list[int]:
     return counts
 
 
-def _read_sheets(path: Path, sheets: Sequence[str], counts: Sequence[int]) -> cssselect2.Matcher:
-    """Return a matcher that finds, for an element, the matching rules of some style sheets.
+def _compile_sheets(path: Path, sheets: Sequence[str], counts: Sequence[int]) -> cssselect2.Matcher:
+    """Return a matcher that finds the rules of some style sheets for an element.
 
     counts: number of elements at each depth of the tree. path: of the file, for messages.
     """

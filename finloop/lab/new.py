@@ -34,7 +34,7 @@ def make_repository(folder: Path) -> Path:
     """
     folder = folder.expanduser().absolute()
     try:
-        _require_free_place(folder)
+        _require_free_folder(folder)
         with whole_folder(folder) as unfinished:
             _copy_shipped_files(unfinished)
             _fill_template(unfinished, folder.name)
@@ -49,8 +49,8 @@ def make_repository(folder: Path) -> Path:
     return folder
 
 
-def _require_free_place(folder: Path) -> None:
-    """Raise FinloopError without git, or unless `folder` is new or empty and in no repository."""
+def _require_free_folder(folder: Path) -> None:
+    """Raise FinloopError unless `folder` is new or empty and in no repository, and git is there."""
     if shutil.which("git") is None:
         raise FinloopError(
             "git is missing", "git, which keeps your settings and results", "install git"
@@ -89,7 +89,7 @@ def list_shipped_files() -> Iterator[str]:
 
 
 def _copy_shipped_files(folder: Path) -> None:
-    """Copy the shipped files to a folder; its dvc.yaml does not watch finloop's sources."""
+    """Copy the shipped files to a folder; its dvc.yaml does not depend on finloop's sources."""
     for name in list_shipped_files():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(shipped_folder() / name, folder / name)
@@ -111,7 +111,7 @@ def _fill_template(folder: Path, name: str) -> None:
 
 
 def _plain_env() -> dict[str, str]:
-    """Return the environment without variables that lead git or DVC to another repository."""
+    """Return the environment variables without those that lead git or DVC to other repositories."""
     unwanted = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "DVC_ROOT", "DVC_STAGE")
     return {key: value for key, value in os.environ.items() if key not in unwanted}
 

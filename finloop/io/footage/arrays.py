@@ -70,13 +70,16 @@ def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
             raise FinloopError(
                 f"{path} cannot be read: {error}", _WANTED, "save or copy it again"
             ) from error
-        if not _is_film(array):
+        if not _can_be_film(array):
             raise _no_film_error(path, {"its array": array})
         yield array, rate
 
 
-def to_picture(array: Any, number: int) -> Picture:
-    """Return frame `number`, from 0, of an array of `open_array`: (h, w) grey or (h, w, 3) RGB."""
+def frame_of_array(array: Any, number: int) -> Picture:
+    """Return one frame of a film array as a picture, (h, w) grey or (h, w, 3) RGB.
+
+    array: from `open_array`. number: of the frame, from 0.
+    """
     frame = np.asarray(array[number])
     if frame.ndim == 3 and frame.shape[2] not in _CHANNELS:  # channels first
         frame = np.moveaxis(frame, 0, -1)
@@ -97,7 +100,7 @@ def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
     # A visit goes on as long as the function returns None, as `update` does.
     file.visititems(lambda name, item: items.update({name: item}))
     datasets = {name: item for name, item in items.items() if getattr(item, "shape", ())}
-    films = {name: dataset for name, dataset in datasets.items() if _is_film(dataset)}
+    films = {name: dataset for name, dataset in datasets.items() if _can_be_film(dataset)}
     if len(films) != 1:
         raise _no_film_error(path, films or datasets)
     film = next(iter(films.values()))
@@ -108,7 +111,7 @@ def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
     return film, None
 
 
-def _is_film(array: Any) -> bool:
+def _can_be_film(array: Any) -> bool:
     """Return whether an array can be a film: two frames or more, of at least 16 px a side.
 
     Its axes are those of `open_array`.

@@ -87,7 +87,10 @@ def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
 
 
 def _unreadable_film_error(path: Path, why: str) -> FinloopError:
-    """Return the error for a file that FFmpeg cannot read, by its first bytes; why: as it says."""
+    """Return the error for a file that FFmpeg cannot read; its first bytes decide what it says.
+
+    why: the reason, as FFmpeg states it.
+    """
     beginning = b""
     with suppress(OSError), path.open("rb") as file:
         beginning = file.read(_FIRST_BYTES)

@@ -18,7 +18,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads, ordered_map
 from finloop.base.stretches import spread_rows
 from finloop.base.thin import thin_frame
-from finloop.io.footage.arrays import open_array, to_picture
+from finloop.io.footage.arrays import frame_of_array, open_array
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
     SAMPLES,
@@ -34,12 +34,7 @@ from finloop.io.footage.source import (
     stretch_levels,
     too_few_error,
 )
-from finloop.io.footage.stamps import (
-    count_time_points,
-    times_in_files,
-    times_in_names,
-    times_in_stack,
-)
+from finloop.io.footage.stamps import count_times, times_in_files, times_in_names, times_in_stack
 from finloop.io.footage.timing import estimate_frame_rate
 from finloop.io.video import THREADS
 
@@ -77,7 +72,7 @@ def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
             numbers = np.arange(len(array))
             names = [f"{path}, frame {k + 1}," for k in numbers]
             times = numbers / rate if rate and not has_rate else None
-            yield Album(names, partial(to_picture, array), numbers, times_s=times)
+            yield Album(names, partial(frame_of_array, array), numbers, times_s=times)
 
 
 def _list_folder(folder: Path, has_rate: bool) -> Album:
@@ -107,7 +102,7 @@ def _open_stack(path: Path, has_rate: bool) -> Iterator[Album]:
     try:
         with TiffFile(path) as stack:
             names = [f"{path}, page {k + 1}," for k in range(len(stack.pages))]
-            if 1 < (count := count_time_points(stack)) < len(names):
+            if 1 < (count := count_times(stack)) < len(names):
                 raise FinloopError(
                     f"{path} has {len(names)} pages for {count} times: channels or slices",
                     "a page for each frame",
@@ -195,7 +190,7 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
 
 
 def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
-    """Choose the pictures in a folder that are one film; return their names' pattern, and them.
+    """Return the name pattern and the sorted files of a film among a folder's pictures.
 
     The names in a series differ only in numbers. If no such series has more than two pictures and 5
     % of all, the pictures with one ending are a series. FinloopError if there are several, or if

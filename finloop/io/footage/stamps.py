@@ -89,7 +89,7 @@ def _ome_page_times(pixels: dict[str, Any]) -> list[float]:
     ]
 
 
-def count_time_points(stack: TiffFile) -> int:
+def count_times(stack: TiffFile) -> int:
     """Return the number of time points of a TIFF stack by ImageJ or OME; 0 if neither tells."""
     frames = (
         (stack.imagej_metadata or {}).get("frames") or _read_ome_metadata(stack).get("SizeT") or 0

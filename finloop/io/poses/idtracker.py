@@ -133,7 +133,10 @@ def _unpickle(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
 
 
 def _to_places(table: pd.DataFrame) -> np.ndarray:
-    """Convert a table with a row per frame and animal to places (frames, animals, 2), or NaN."""
+    """Convert a table with a row per frame and animal to places (frames, animals, 2).
+
+    Places without a row are NaN.
+    """
     frame, animal = (table[name].to_numpy(int) for name in ("frame", "individual"))
     places = np.full((frame.max() + 1, animal.max() + 1, 2), np.nan)
     places[frame, animal] = table[["x", "y"]].to_numpy(float)

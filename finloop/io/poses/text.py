@@ -54,7 +54,7 @@ def read_plain_csv(path: Path) -> str:
 
 
 def _decode(data: bytes) -> str | None:
-    """Return the text of bytes by their byte-order mark, else of UTF-8 or Windows-1252, or None."""
+    """Decode bytes by their byte-order mark, else as UTF-8 or Windows-1252; None if that fails."""
     marked = [encoding for mark, encoding in _MARKS.items() if data.startswith(mark)]
     for encoding in marked or ["utf-8", "cp1252"]:
         with suppress(UnicodeDecodeError):

@@ -63,7 +63,7 @@ def _list_files(path: Path) -> list[Path]:
 
 
 def _number_key(path: Path) -> tuple[list[int], str]:
-    """Return a sort key in which id2 comes before id10."""
+    """Return a key that sorts files by the numbers in their names: id2 before id10."""
     return [int(number) for number in re.findall(r"\d+", path.stem)], path.name
 
 
@@ -88,7 +88,7 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
 
 
 def _read_scale(folder: Path) -> dict[str, np.ndarray]:
-    """Return `cm_per_pixel` by its name, as TRex's settings give it; {} without settings."""
+    """Return `{"cm_per_pixel": value}` from TRex's settings in a folder; {} without settings."""
     for file in [*sorted(folder.glob("*.settings")), *sorted(folder.parent.glob("*.settings"))]:
         text = file.read_text("utf-8", errors="replace")
         if found := re.search(r"^\s*cm_per_pixel\s*[=:]\s*([\d.eE+-]+)", text, re.MULTILINE):
@@ -97,10 +97,10 @@ def _read_scale(folder: Path) -> dict[str, np.ndarray]:
 
 
 def _to_points(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return frames (n,), and x, y of head and centre in them, (n, 2, 2), from a file's fields.
+    """Convert the fields of a TRex file to frame numbers (n,) and places (n, 2, 2) in these frames.
 
-    Frames that TRex marks as missing are left out. Places are in px, or in cm without a field
-    `cm_per_pixel`; NaN if unknown. KeyError names a missing field.
+    The places are x, y of head and centre, in px, or in cm without a field `cm_per_pixel`; NaN if
+    unknown. Frames that TRex marks as missing are left out. KeyError names a missing field.
     """
     frame = fields["frame"].ravel().astype(int)
     cm_per_px = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
