@@ -52,7 +52,7 @@ def swim_in_circle(
         "partner_rotation_deg": np.degrees(rotation + angle), "partner_scale": 1.02,
         "partner_mirrored": False, "pose": pd.Series(list(codes) if bends else None, range(TICKS)),
     })  # fmt: skip
-    return [gallery.place_row(tick) for tick in edit.replace({np.nan: None}).itertuples()]
+    return [gallery.place_fish(tick) for tick in edit.replace({np.nan: None}).itertuples()]
 
 
 def edit_columns(placed_fish: list[PlacedFish]) -> pd.DataFrame:

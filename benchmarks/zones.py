@@ -75,7 +75,7 @@ def film_rows(film_name: str) -> list[dict[str, object]]:
         horizon = load_settings("calibrate").horizon
         film = build_film_group(rows, project.arena, infer_delta_frames(features), horizon)
         fish = min(film.typical_fish_count, MOST_FISH)
-        tables["first_half"] = [film.half_measures(True)]
+        tables["first_half"] = [film.measures_of_half(True)]
         for name, table in simulated_points(film, project.school_rule.zones):
             tables.setdefault(name, []).append(table)
         for name, table in couzinswarm_points(film):
@@ -91,7 +91,7 @@ def film_rows(film_name: str) -> list[dict[str, object]]:
                     edit["tick"].to_numpy(), places, headings.to_numpy(float), film.walls
                 )
                 tables.setdefault(name, []).append(table)
-    films = {"film": film.table, "second_half": film.half_measures(False)}
+    films = {"film": film.table, "second_half": film.measures_of_half(False)}
     comparisons = [
         compare_groups(films, {name: table}).assign(run=run)
         for name, runs in tables.items()

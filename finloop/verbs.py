@@ -81,7 +81,7 @@ from finloop.modes.network import make_network, network_animator
 from finloop.plan.load_paths import load_path_lines
 from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, compute_film_poses
-from finloop.render.gallery import Gallery, build_cutout_sets, place_ticks
+from finloop.render.gallery import Gallery, build_cutout_sets, fish_by_tick
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import SOCIAL_STEPS, SchoolRule, SocialSteps, require_rule
 from finloop.sprites.choice import choose_frames, swimmer_table
@@ -445,6 +445,6 @@ def write_video(
     shadow = Shadow(share=p.shadow_darkness, blur_px=p.shadow_blur * shown_length_px)
     painter, rate = Painter(tracks.background, shadow=shadow), tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:
-        for fish in place_ticks(edit, gallery):
+        for fish in fish_by_tick(edit, gallery):
             painter.show(*fish)
             writer.write(painter.frame)

@@ -93,8 +93,10 @@ def main() -> None:
         simulated = _simulate(film, rule.zones, p) if fit else {}
         for name, table in simulated.items():
             save_table(folder / f"{name}.parquet", table, SCHOOL)
-        films = {"film": film.table, "second_half": film.half_measures(first=False)}
-        table = compare_groups(films, {"first_half": film.half_measures(first=True), **simulated})
+        films = {"film": film.table, "second_half": film.measures_of_half(first=False)}
+        table = compare_groups(
+            films, {"first_half": film.measures_of_half(first=True), **simulated}
+        )
         # Not in reports/, which is in git: points that act on each other amplify rounding, so they
         # swim differently on another processor, as with another seed.
         save_csv(folder / "company.csv", table, decimals=3)

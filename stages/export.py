@@ -33,7 +33,7 @@ from finloop.io.record import save_json
 from finloop.io.table import save_csv, save_csv_in_blocks, save_table
 from finloop.io.video import VideoFacts
 from finloop.project import EditSources, Project
-from finloop.render.gallery import place_ticks
+from finloop.render.gallery import fish_by_tick
 from finloop.render.painter import Box
 from finloop.sprites.choice import SEQUENCES, SIDES
 from finloop.stimulus.drawn import drawn_states
@@ -64,8 +64,8 @@ def _save_films(
     with report_progress("export", pictures_to_come) as advance:
         write_film = partial(_write_film, p=p, rate=rate, advance=advance)
         tank = FishOnlyPainter(facts.height_px, facts.width_px, channels)
-        crop = box_of_all_fish(place_ticks(edit, gallery), tank)
-        pictures = cut_out_fish(place_ticks(edit, gallery), tank, crop)
+        crop = box_of_all_fish(fish_by_tick(edit, gallery), tank)
+        pictures = cut_out_fish(fish_by_tick(edit, gallery), tank, crop)
         facts_of_film = write_film(folder / p.mode, pictures, crop, round(p.webp_seconds * rate))
         place = {"left_px": crop.left, "top_px": crop.top}
         films[p.mode] = facts_of_film | place | {"loops": False}

@@ -19,7 +19,7 @@ from finloop.edit.pictures import cross_fade_distance
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.message import MOST_FISH
 from finloop.live.server import create_tank_server
-from finloop.live.tank import LiveTank, rehearse_paths
+from finloop.live.tank import LiveTank, warm_up_paths
 from finloop.live.view import TankView
 from finloop.live.web import HOST, bind_socket
 from finloop.modes.animator import Animator
@@ -82,7 +82,7 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
             return row.mode != "matching" and cross_fade_distance(row, pictures) > most_unlike
 
         if "matching" in players:
-            rehearse_paths(players["matching"])
+            warm_up_paths(players["matching"])
         default_count = 1 if mode in PAPER else min(load_settings("matching").fish, MOST_FISH)
         fish_count_wanted = fish_count or default_count
         tank = LiveTank(players, mode, fish_count_wanted, seed, is_ghost)

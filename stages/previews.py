@@ -25,7 +25,7 @@ from finloop.edit.modes import MODES
 from finloop.io.movie import Mp4Writer
 from finloop.plots.render import draw_trajectory
 from finloop.project import Project
-from finloop.render.gallery import place_ticks
+from finloop.render.gallery import fish_by_tick
 from finloop.render.painter import Painter
 from finloop.report.compare import Preview
 from stages.repository import run_git
@@ -136,7 +136,7 @@ def draw_preview(root: Path, mode: str) -> Preview:
         path = root / "preview.mp4"
         shape = size[1], size[0], *painter.frame.shape[2:]
         with Mp4Writer(path, shape, rate, CRF) as writer:
-            for fish in place_ticks(shown, project.gallery(drawn)):
+            for fish in fish_by_tick(shown, project.gallery(drawn)):
                 painter.show(*fish)
                 writer.write(cv2.resize(painter.frame[part], size, interpolation=cv2.INTER_AREA))
         figure = draw_trajectory(drawn.edit, project.goals(mode), project.background)

@@ -15,7 +15,7 @@ from finloop.io.movie import FilmWriter, Mp4Writer, WebpWriter
 from finloop.io.table import load_table
 from finloop.project import PLACES, Project
 from finloop.render.beside import CAPTION_PX, draw_side_by_side, longest_tracks_edit_list
-from finloop.render.gallery import Gallery, place_ticks
+from finloop.render.gallery import Gallery, fish_by_tick
 from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import RenderSettings
@@ -34,7 +34,7 @@ def _save_films(
     They are an MP4 and, if desired, one with goals and path, a short WebP, and modes.mp4, which
     shows all modes side by side. advance: reports progress.
     """
-    fish_by_tick, ticks = place_ticks(edit, gallery), edit["tick"].nunique()
+    all_fish, ticks = fish_by_tick(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background
     clean, changes = Painter(background, shadow=shadow), list[float]()
     meter = FrameChangeMeter(clean)
@@ -51,7 +51,7 @@ def _save_films(
             outputs.append((WebpWriter(folder / f"{p.mode}.webp", *coding), marked, webp_ticks))
         for writer, _, _ in outputs:
             stack.enter_context(writer)
-        for tick, fish in enumerate(fish_by_tick):
+        for tick, fish in enumerate(all_fish):
             changes.append(meter.measure_change(clean.show(*fish)))
             if p.marked_film:
                 marks.show(tick, *fish)

@@ -14,13 +14,13 @@ from typing import Any
 import finloop
 from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
-from finloop.live.tank import rehearse_paths
+from finloop.live.tank import warm_up_paths
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, build_cutout_sets
 from finloop.stimulus.display import load_display
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT
-from finloop.stimulus.motion import TrialContext, rehearse_stimulus
+from finloop.stimulus.motion import TrialContext, warm_up_stimulus
 from finloop.stimulus.order import Trial
 from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import Protocol
@@ -122,8 +122,8 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
         height, width = pictures.largest_px
         context = TrialContext(animator.player, bodies, mm_per_px)
         if protocol is not None:  # compile functions now, so that no trial waits for it
-            rehearse_paths(animator.player)
-            rehearse_stimulus(context)
+            warm_up_paths(animator.player)
+            warm_up_stimulus(context)
         tank = TankCanvas(project.background, width, height)
         yield FilmedScene(context, pictures, tank, _results_digest(project.data))
 

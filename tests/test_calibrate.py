@@ -238,7 +238,7 @@ def test_tracks_too_short_for_a_step_teach_no_rule():
 
 def test_fish_that_are_points_shoal_as_the_film_does():
     p = with_constants(settings("calibrate"), steps=800)
-    half, other = FILM.half_measures(True), FILM.half_measures(False)
+    half, other = FILM.measures_of_half(True), FILM.measures_of_half(False)
     rows, far = FILM.rows_with_whole_steps(p.rows), {}
     for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
         steps = measure_steps_without_others(FILM, rows, zones)

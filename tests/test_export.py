@@ -83,7 +83,7 @@ def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
         one = TurnedPicture(pad_picture(pixels, 10.0, 8.0))
         box = alone.show(PlacedFish(30.0, 20.0, one, None, 0.0))
         where = np.s_[12 - box.top :, 20 - box.left :]
-        found = alone.cut_box(box)[where][: pixels.shape[0], : pixels.shape[1]]
+        found = alone.picture_in_box(box)[where][: pixels.shape[0], : pixels.shape[1]]
         colours = pixels[..., :-1].repeat(3 if channels == 2 else 1, axis=2)
         assert np.array_equal(found, np.concatenate([colours, pixels[..., -1:]], axis=2))
 

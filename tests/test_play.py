@@ -35,7 +35,7 @@ from finloop.features.table import wrap_deg
 from finloop.live import fish as play_fish
 from finloop.live.fish import ROW
 from finloop.live.message import parse_message
-from finloop.live.tank import LiveTank, rehearse_paths
+from finloop.live.tank import LiveTank, warm_up_paths
 from finloop.modes.sprites import start_from_bend
 from stages.play import open_view
 
@@ -491,7 +491,7 @@ def test_a_path_no_longer_than_a_goal_is_one_and_none_leads_out_of_the_tank():
 def test_a_tank_with_room_for_no_path_is_opened_all_the_same():
     side = round(1.2 * LENGTH) + 6
     room = arena_tank(np.ones((side, side), bool), 0.6 * LENGTH)
-    rehearse_paths(matching_of(film_world_of(room_=room)))
+    warm_up_paths(matching_of(film_world_of(room_=room)))
 
 
 def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():

@@ -41,7 +41,7 @@ from finloop.realism.windows import (
     track_channels,
     window_cut_from_deltas,
 )  # fmt: skip
-from finloop.render.gallery import place_rows
+from finloop.render.gallery import fish_by_row
 from finloop.render.painter import Painter
 from stages.realism import GalleryOpener
 from stages.settings import load_settings
@@ -348,7 +348,7 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
     with Project() as project:
         drawn = project.edit_with_sources("network", "realism", sprites=True, bodies=True)
         gallery = project.gallery(drawn)
-        fish = list(place_rows(drawn.edit, gallery))[::7]
+        fish = list(fish_by_row(drawn.edit, gallery))[::7]
         for part, drawn_fish in zip(one.detect_fish(fish), fish, strict=True):
             painter.show(drawn_fish)
             whole = detector(painter.frame, scene)
@@ -368,7 +368,7 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     edit = filmed_edit_list(np.arange(len(features)), places)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
-        table = instrument_of(carp).measure_fish(place_rows(edit, gallery))
+        table = instrument_of(carp).measure_fish(fish_by_row(edit, gallery))
     simulated = join_measurements([edit], [table], RATE)
     assert (simulated.row == np.arange(len(features))).all()
     off = table[["x_px", "y_px"]].to_numpy() - places
@@ -390,7 +390,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     edit = filmed_edit_list(np.arange(len(first)), places).assign(scale=size)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
-        table = drawn.measure_fish(place_rows(drawn.reduce_to_filmed_size(edit), gallery))
+        table = drawn.measure_fish(fish_by_row(drawn.reduce_to_filmed_size(edit), gallery))
     off = size * (table[["x_px", "y_px"]].to_numpy() + 0.5) - 0.5 - places
     assert np.median(np.abs(off)) < 0.2
     assert table["body_length_px"].median() == pytest.approx(first["body_length_px"].median(), 0.05)

@@ -39,14 +39,14 @@ from finloop.io.video import read_frames
 from finloop.plots import render as plots
 from finloop.plots.parts import crop_with_edge_repeated
 from finloop.puppet import PlacedBackbone
-from finloop.render.gallery import CutoutSet, Gallery, place_rows, place_ticks
+from finloop.render.gallery import CutoutSet, Gallery, fish_by_row, fish_by_tick
 from finloop.render.marks import (
     COLOURS,
     MarkPainter,
     goal_stretches,
     rgb_from_hex,
-    tick_categories,
-    ticks_with_goal,
+    row_categories,
+    rows_with_goal,
 )  # fmt: skip
 from finloop.render.painter import (
     BentPicture,
@@ -267,7 +267,7 @@ def two_fish(n=3, **columns):
 
 
 def test_of_several_fish_the_one_with_the_highest_number_is_on_top():
-    ticks = list(place_ticks(two_fish(), gallery()))
+    ticks = list(fish_by_tick(two_fish(), gallery()))
     assert [len(fish) for fish in ticks] == [2, 2, 2]
     for lower, upper in ticks:
         painter, wanted, other = Painter(TANK), Painter(TANK), Painter(TANK)
@@ -327,7 +327,7 @@ def test_a_shadow_comes_little_by_little_as_fish_come_together():
 def test_tables_in_which_fish_are_not_as_long_are_refused():
     for bad in (two_fish().iloc[:5], two_fish(tick=np.arange(6))):
         with pytest.raises(FinloopError, match="of each fish"):
-            place_ticks(bad, gallery())
+            fish_by_tick(bad, gallery())
 
 
 def test_marks_of_several_fish_grow_each_its_own_way():
@@ -337,7 +337,7 @@ def test_marks_of_several_fish_grow_each_its_own_way():
     )  # fmt: skip
     painter = Painter(np.full((400, 500), 120, np.uint8), colour=True)
     before, marks = painter.floor.copy(), MarkPainter(painter, edit, [])
-    for tick, fish in enumerate(place_ticks(edit, gallery())):
+    for tick, fish in enumerate(fish_by_tick(edit, gallery())):
         marks.show(tick, *fish)
     new = (painter.floor != before).any(axis=2)
     assert new[40, 21:50].all() and new[80, 101:130].all()
@@ -405,7 +405,7 @@ def test_rows_are_drawn_as_they_say():
         partner_kind=[None, "frame"], partner=pd.array([pd.NA, 1], dtype="Int32"),
         partner_rotation_deg=[np.nan, -20.0], partner_scale=[np.nan, 0.5],
     )  # fmt: skip
-    first, second = place_rows(edit, stored)
+    first, second = fish_by_row(edit, stored)
     pictures = [stored.film_picture(i) for i in range(3)]
     assert first == (30.0, 45.0, TurnedPicture(pictures[0]), None, 0.0)
     turned = TurnedPicture(pictures[2], 30.0, 1.5), TurnedPicture(pictures[1], -20.0, 0.5)
@@ -433,7 +433,7 @@ FADE = {"weight": 0.5, "partner_kind": "frame", "partner_rotation_deg": 0.0, "pa
 )
 def test_what_cannot_be_drawn_is_said_at_once(harm, said):
     with pytest.raises(FinloopError, match=said):
-        place_rows(edit_list(3, **harm), gallery())
+        fish_by_row(edit_list(3, **harm), gallery())
 
 
 @pytest.mark.parametrize(
@@ -448,16 +448,16 @@ def test_what_cannot_be_drawn_is_said_at_once(harm, said):
 def test_a_sprite_that_is_in_no_orientation_is_refused(harm, said):
     stored = CutoutSet([Cutout(0, 0, 10, 20, drop())] * 48, np.full((2, 2), 25.0), 24)
     with pytest.raises(FinloopError, match=said):
-        place_rows(edit_list(3, **{"kind": "sprite"} | harm), Gallery({"sprite": stored}))
+        fish_by_row(edit_list(3, **{"kind": "sprite"} | harm), Gallery({"sprite": stored}))
 
 
 def test_all_problems_are_said_together_and_none_is_none():
     with pytest.raises(FinloopError) as caught:
-        place_rows(edit_list(3, source=9, scale=0.0, weight=2.0), gallery())
+        fish_by_row(edit_list(3, source=9, scale=0.0, weight=2.0), gallery())
     assert all(word in str(caught.value) for word in ("source", "scale", "weight"))
     with pytest.raises(FinloopError, match="the edit list is empty"):
-        place_rows(edit_list(0), gallery())
-    assert len(list(place_rows(edit_list(3), gallery()))) == 3
+        fish_by_row(edit_list(0), gallery())
+    assert len(list(fish_by_row(edit_list(3), gallery()))) == 3
 
 
 def test_a_step_is_the_distance_of_the_two_pictures():
@@ -520,15 +520,15 @@ def journey():
 
 def test_parts_and_aims():
     edit = journey()
-    names, colours = tick_categories(edit)
+    names, colours = row_categories(edit)
     assert list(names) == list(edit["state"])
     assert colours == {word: COLOURS[word] for word in ("straight", "turn")}
     assert goal_stretches(edit) == [("A", 0, 10), ("B", 10, 20), ("", 20, 30)]
     mixed = edit.assign(kind=["sprite"] * 15 + ["frame"] * 15, mirrored=[False] * 25 + [True] * 5)
-    assert all(set(part) == {"sprite", "film", "mirror image"} for part in tick_categories(mixed))
-    assert len(tick_categories(edit.assign(state="hovers"))[1]) == 1
-    assert list(ticks_with_goal(edit)) == [True] * 20 + [False] * 10
-    assert ticks_with_goal(edit.assign(goal="")).all()
+    assert all(set(part) == {"sprite", "film", "mirror image"} for part in row_categories(mixed))
+    assert len(row_categories(edit.assign(state="hovers"))[1]) == 1
+    assert list(rows_with_goal(edit)) == [True] * 20 + [False] * 10
+    assert rows_with_goal(edit.assign(goal="")).all()
     assert rgb_from_hex("#0072B2") == (0, 114, 178)
 
 
@@ -539,7 +539,7 @@ def test_marks_lie_below_the_fish_and_the_way_grows():
     marked, clean = Painter(TANK, colour=True), Painter(TANK, colour=True)
     marks = MarkPainter(marked, edit, GOALS)
     marks_seen = []
-    for tick, one in enumerate(place_rows(edit, stored)):
+    for tick, one in enumerate(fish_by_row(edit, stored)):
         clean.show(one)
         marks.show(tick, one)
         differs = (marked.frame != clean.frame).any(axis=2)
@@ -566,7 +566,7 @@ def test_the_caption_keeps_out_of_the_fishs_way():
         edit = edit_list(5, x_px=float(x), y_px=float(y))
         painter = Painter(TANK, colour=True)
         marks = MarkPainter(painter, edit, [])
-        marks.show(0, next(place_rows(edit, gallery())))
+        marks.show(0, next(fish_by_row(edit, gallery())))
         dark = (painter.canvas == 75).all(axis=2)
         assert dark.sum() > 500, corner
         assert not dark[max(0, y - 15) : y + 15, max(0, x - 15) : x + 15].any(), corner

@@ -188,7 +188,7 @@ def live(zones=NEAR, fish=4):
     return LiveTank({"matching": player_of(zones, rule="none", fish=fish)}, "matching", fish, 3)
 
 
-def place_rows(tank, ticks):
+def fish_by_row(tank, ticks):
     """Places (ticks, fish, 2) of so many further ticks."""
     made = []
     for _ in range(ticks):
@@ -209,15 +209,15 @@ def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
     tank.send_to_goal(0, 450.0, 450.0)
     assert one.goal is not None
     tank.follow_path(0, [(200.0, 200.0), (600.0, 300.0), (700.0, 600.0)])
-    place_rows(tank, 3)
+    fish_by_row(tank, 3)
     assert one.path_task is not None and one.rule_task is None
     tank.swim_in_group(0)
     assert one.goal is None and one.path_task is None and one.rule_task.leader is None
-    place_rows(tank, 20)
+    fish_by_row(tank, 20)
     assert {choice.target_name for choice in one._decisions} >= {"company"}
     tank.follow_leader(0, 2)
     assert tank.leaders == {1: 3}
-    place_rows(tank, 20)
+    fish_by_row(tank, 20)
     assert one._decisions[-1].target_name == "leader"
     tank.send_to_goal(0, 450.0, 450.0)
     assert one.rule_task is None and one.goal is not None
@@ -232,7 +232,7 @@ def test_weights_are_changed_while_fish_swim():
     far.swim_in_group(None)
     far.set_zone_weights((0.0, 0.0, 0.0))
     assert far.shoaling.zones.weights == (0, 0, 0)
-    together, apart = (place_rows(tank, 300)[150:] for tank in (near, far))
+    together, apart = (fish_by_row(tank, 300)[150:] for tank in (near, far))
     assert spread(together) < 0.6 * spread(apart)
 
 
@@ -240,14 +240,14 @@ def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again():
     tank = live()
     tank.swim_in_group(None)
     tank.follow_leader(3, 1)
-    place_rows(tank, 60)
-    first = place_rows(tank, 80)
+    fish_by_row(tank, 60)
+    first = fish_by_row(tank, 80)
     before = tank.shoaling
     tank.set_zone_weights((1.0, 1.0, 0.1))
-    place_rows(tank, 20)
+    fish_by_row(tank, 20)
     tank.go_back_to(60)
     assert tank.shoaling == before and tank.leaders == {4: 2}
-    assert place_rows(tank, 80) == pytest.approx(first)
+    assert fish_by_row(tank, 80) == pytest.approx(first)
 
 
 def test_who_would_follow_in_a_circle_is_refused_and_told():
@@ -278,9 +278,9 @@ def test_company_of_which_nothing_is_known_or_without_steps_is_refused():
 def test_a_follower_whose_leader_is_gone_wanders():
     tank = live()
     tank.follow_leader(0, 3)
-    place_rows(tank, 10)
+    fish_by_row(tank, 10)
     tank.set_fish_count(2)
-    place_rows(tank, 30)
+    fish_by_row(tank, 30)
     assert tank.leaders == {} and tank.fish[0]._decisions[-1].goal is None
 
 

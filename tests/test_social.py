@@ -14,7 +14,7 @@ from finloop.social import measures
 from finloop.social import zones as zones_module
 from finloop.social.leader import describe_contradiction, leaders_by_follower
 from finloop.social.measures import SCHOOL, compare_groups, measure_group, wasserstein_distances
-from finloop.social.neighbours import all_neighbours, complex_vectors, neighbours_among
+from finloop.social.neighbours import all_neighbours, complex_vectors, relative_neighbours
 from finloop.social.rule import (
     DecidingFish,
     OtherFish,
@@ -45,7 +45,7 @@ def pull_of(*others, zones=ZONES):
     """What a fish at 0 that heads to the right is wished by others: place, heading in degrees."""
     places = np.array([place for place, _ in others], complex)
     headings = np.exp(1j * np.radians([heading for _, heading in others]))
-    seen = neighbours_among(np.array(0j), np.array(1 + 0j), places, headings)
+    seen = relative_neighbours(np.array(0j), np.array(1 + 0j), places, headings)
     return complex(pull_of_others(seen, zones))
 
 
@@ -277,7 +277,7 @@ def test_memory_of_the_measures_does_not_grow_by_pairs():
     frames, fish = 300, 100
     rng = np.random.default_rng(0)
     where = rng.uniform(0, 390, (frames * fish, 2)), rng.uniform(-180, 180, frames * fish)
-    OPEN.depth  # noqa: B018  (kept by the tank, whoever swims in it)
+    OPEN.distances_from_wall  # noqa: B018  (kept by the tank, whoever swims in it)
     tracemalloc.start()
     try:
         measure_group(np.repeat(np.arange(frames), fish), *where, OPEN)

@@ -20,7 +20,7 @@ from finloop.stimulus.listing import describe_protocol
 from finloop.stimulus.motion import (
     TrialSetup,
     apply_change,
-    count_planned_ticks,
+    count_ticks_to_plan,
     fade_opacities,
     interpolate_states,
 )
@@ -80,7 +80,7 @@ def test_a_motion_that_is_reversed_twice_is_itself():
 def test_what_changes_nothing_changes_nothing(change):
     states = states_of()
     assert np.array_equal(apply_change(states, change, len(states)), states)
-    assert count_planned_ticks(change, 21) == 21
+    assert count_ticks_to_plan(change, 21) == 21
 
 
 def test_twice_the_speed_takes_half_the_time():
@@ -103,7 +103,7 @@ def test_twice_the_speed_takes_half_the_time():
 )
 def test_as_much_is_planned_as_is_shown(ticks, speed, back, more):
     change = MotionChange(speed=speed, reversed=back)
-    wanted = count_planned_ticks(change, ticks)
+    wanted = count_ticks_to_plan(change, ticks)
     assert (wanted - 2) < (ticks - 1) * speed <= wanted - 1 + 1e-6
     states = np.zeros((wanted + more, 1, POSTURE), np.float32)
     states[..., X] = np.arange(len(states))[:, None]
@@ -115,7 +115,7 @@ def test_as_much_is_planned_as_is_shown(ticks, speed, back, more):
 
 def test_what_is_still_does_not_move():
     states, still = states_of(), MotionChange(still=True)
-    assert count_planned_ticks(still, 500) == 1
+    assert count_ticks_to_plan(still, 500) == 1
     shown = apply_change(states[:1], still, 500)
     assert shown.shape == (500, *states.shape[1:])
     assert np.array_equal(shown, np.broadcast_to(states[0], shown.shape))

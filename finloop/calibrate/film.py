@@ -11,7 +11,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread_rows
 from finloop.features.memory import measure_memory_frames
 from finloop.social.measures import FrameSlots, frame_slots, measure_group, middle_frame
-from finloop.social.neighbours import Neighbours, complex_vectors, neighbours_among
+from finloop.social.neighbours import Neighbours, complex_vectors, relative_neighbours
 from finloop.social.walls import Walls
 
 _PART = 4  # the measured horizon is at most 1 / _PART of the longest track
@@ -55,7 +55,7 @@ class FilmGroup:
         """Return a mask (n,) of the rows in the first half of the film, in time."""
         return self.frame < middle_frame(self.frame)
 
-    def half_measures(self, first: bool) -> pd.DataFrame:
+    def measures_of_half(self, first: bool) -> pd.DataFrame:
         """Return the measures (`SCHOOL`) of the first half of the film, or of the second."""
         return self.table[self.first_half == first]
 
@@ -85,7 +85,7 @@ class FilmGroup:
         frames = self.slots.row[rows]  # lines of `places`, of all fish in a frame
         places = self.places[frames]
         places[np.arange(len(rows)), self.slots.fish[rows]] = np.nan  # no fish is its own neighbour
-        return neighbours_among(
+        return relative_neighbours(
             self.place[rows, None], self.heading[rows, None], places, self.headings[frames]
         )
 

@@ -51,7 +51,7 @@ class FishOnlyPainter:
         self.white.show(*fish)
         return self.black.show(*fish)
 
-    def cut_box(self, box: Box) -> Picture:
+    def picture_in_box(self, box: Box) -> Picture:
         """Return the painted fish within a box: RGBA (h, w, 4) uint8, premultiplied by alpha.
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
@@ -94,7 +94,7 @@ def cut_out_fish(
                 box.top - crop.top, box.left - crop.left,
                 box.bottom - crop.top, box.right - crop.left,
             )  # fmt: skip
-            frame[painted.slices] = _straighten_alpha(painter.cut_box(box))
+            frame[painted.slices] = _straighten_alpha(painter.picture_in_box(box))
         yield frame
 
 

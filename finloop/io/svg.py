@@ -513,7 +513,7 @@ def _read_shape(element: ElementTree.Element, size: tuple[float, float]) -> Any:
     diagonal = float(np.hypot(*size) / np.sqrt(2))
 
     def length(key: str, usual: str = "0") -> float:
-        """Return an attribute in px; 100 % is the viewport's width, height or mean side."""
+        """Return a length of the element in px; 100 % is the width, the height or their mean."""
         along = {"x": size[0], "w": size[0], "y": size[1], "h": size[1]}
         which = key[1] if key[0] in "cr" and len(key) > 1 else key[0]
         return read_length(key, element.get(key, usual), along.get(which, diagonal))
@@ -726,7 +726,7 @@ def _read_gradient(document: _Document, name: str, group: _Context, shape: Any) 
     width, height = (1.0, 1.0) if in_box else group.size
 
     def coordinate(key: str, usual: str) -> float:
-        """Return an attribute as a number; 100 % is the width, the height or the mean side."""
+        """Return a length of the gradient; 100 % is the width, the height or their mean."""
         text = stated.get(key, usual).strip()
         diagonal = float(np.hypot(width, height) / np.sqrt(2))
         whole = {"x": width, "y": height}.get(key.strip("cf12"), diagonal)

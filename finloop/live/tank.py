@@ -18,7 +18,7 @@ from finloop.social.leader import describe_contradiction
 from finloop.social.rule import require_rule
 
 
-def rehearse_paths(player: AnyPlayer) -> None:
+def warm_up_paths(player: AnyPlayer) -> None:
     """Plan once along a path in advance, so that functions are compiled before a user draws one.
 
     Do nothing if a fish has too little room: then every path counts as a goal.

@@ -168,7 +168,7 @@ def _draw_tile(specimen: Specimen, size: int) -> Picture:
     tile[top : top + big.shape[0], left : left + big.shape[1]] = big
 
     def to_tile(points: NDArray[np.floating]) -> NDArray[np.int32]:
-        """Return px of the film in sixteenths of a pixel of the tile, for cv2's shift=4."""
+        """Convert points from px of the film to sixteenths of a tile's pixel, as OpenCV needs."""
         inside = points - [specimen.x0_px, specimen.y0_px] + 0.5
         return np.round(16 * (inside * scale - 0.5 + [left, top])).astype(np.int32)
 

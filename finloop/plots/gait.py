@@ -126,7 +126,7 @@ def _draw_support(ax: Axes, gait: Gait) -> None:
 
 
 def _draw_reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
-    """Draw how far sideways each contour reaches over the cycle, at its point that swings most."""
+    """Draw over the cycle how far sideways each contour is, at the point that swings most."""
     phases = np.linspace(0, 1, 121)
     frames = _synthesize_contours(gait, keys, film, phases)
     for ink, (name, points) in zip(cycle(INKS), frames.items(), strict=False):

@@ -46,7 +46,7 @@ class ImproperLoop(NamedTuple):
 def find_most_improper_loop(
     candidates: pd.DataFrame, features: pd.DataFrame, max_angle_deg: float
 ) -> ImproperLoop | None:
-    """Return the improper loop that shows the fault most clearly; None if no pair is improper.
+    """Return the clearest improper loop of the film; None if no pair of rows is improper.
 
     A pair that is improper between its ends is preferred to one that is improper at an end. Of
     these, the pair whose travel differs most from the heading is taken; a path below one body

@@ -26,8 +26,8 @@ from finloop.plots.parts import (
 from finloop.render.marks import (
     goal_stretches,
     rgb_from_hex,
-    tick_categories,
-    ticks_with_goal,
+    row_categories,
+    rows_with_goal,
     write_text,
 )
 from finloop.render.painter import Painter, PlacedFish
@@ -89,11 +89,11 @@ def _draw_paths(axes: Axes, edit: pd.DataFrame) -> list[Line2D]:
     A thin grey line is swimming without a goal.
     """
     # The path as a line per tick, in the colour of its source or state.
-    names, colours = tick_categories(edit)
+    names, colours = row_categories(edit)
     places, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
     later = np.flatnonzero(fish[1:] == fish[:-1]) + 1  # rows that follow one of the same fish
     steps = np.stack([places[later - 1], places[later]], axis=1)  # (n, 2 ends, 2)
-    has_goal = ticks_with_goal(edit)[later]
+    has_goal = rows_with_goal(edit)[later]
     name_of_step = names.to_numpy()[later]
     wandering = list(steps[~has_goal])
     axes.add_collection(LineCollection(wandering, colors=_WANDERING, lw=0.7, alpha=0.7))
@@ -197,7 +197,7 @@ def cut_tiles(
 
     fish: where to draw it at these ticks. half_px: half the width of a tile in the tank.
     """
-    names, colours = tick_categories(edit)
+    names, colours = row_categories(edit)
     tiles = []
     for tick, placed in zip(ticks, fish, strict=True):
         painter.show(placed)

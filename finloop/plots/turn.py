@@ -41,7 +41,7 @@ def find_strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
 
 
 def _clear_turn_deg(features: pd.DataFrame, k: int, delta: int) -> Floats:
-    """Return by how much (rows − 2k,) the heading turns in the 2k frames after each row [degrees].
+    """Return how many degrees the heading turns in the 2k frames after each row, (rows − 2k,).
 
     The result is ≥ 0, and 0 without a clear turn. k, delta: the time between two pictures, and the
     time in which motion is measured, in frames.
@@ -65,7 +65,7 @@ def _clear_turn_deg(features: pd.DataFrame, k: int, delta: int) -> Floats:
 def heading_change_deg(
     features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta: int
 ) -> Floats:
-    """Return by how many degrees (n,) the heading turns in the k frames after each of n rows.
+    """Return how many degrees the heading turns in the k frames after each of n rows: (n,).
 
     Positive is left. k: a multiple of `delta`, the time in which motion is measured, in frames.
     """

@@ -14,7 +14,7 @@ from finloop.edit.schema import EDIT
 from finloop.realism.compare import FilmSample, Sides, Verdict
 from finloop.realism.instrument import Swimming, Work
 from finloop.realism.windows import CHANNELS, WindowCut, Windows
-from finloop.render.gallery import Gallery, place_rows
+from finloop.render.gallery import Gallery, fish_by_row
 from finloop.render.marks import write_text
 from finloop.render.painter import Painter
 
@@ -180,7 +180,7 @@ def draw_strip(
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))
     tiles, width = list[Picture](), _AROUND_BL * length_px * float(moments["scale"].median())
-    for fish, start in zip(place_rows(numbered, gallery), moments["start_deg"], strict=True):
+    for fish, start in zip(fish_by_row(numbered, gallery), moments["start_deg"], strict=True):
         painter.show(fish)
         view = CameraView(fish.x_px, fish.y_px, start, width)
         tiles.append(view.crop_frame(painter.frame, size_px))
@@ -200,7 +200,7 @@ def draw_example(
     def side_frames(side: str) -> Iterator[Picture]:
         """Yield the pictures (size_px, size_px, 3) of one side, "animation" or "film"."""
         edit, painter = example[example["side"] == side], Painter(tank)
-        for fish in place_rows(edit.assign(tick=np.arange(len(edit))), gallery):
+        for fish in fish_by_row(edit.assign(tick=np.arange(len(edit))), gallery):
             painter.show(fish)
             yield views[side].crop_frame(painter.frame, size_px)
 

@@ -27,7 +27,7 @@ from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
 from finloop.features.settings import FeaturesSettings as FeatureSettings
 from finloop.features.table import FEATURES, measure_features
-from finloop.render.gallery import Gallery, place_rows
+from finloop.render.gallery import Gallery, fish_by_row
 from finloop.render.painter import Painter, PlacedFish
 
 _RIM = 16  # px around a fish, beside its own size on each side
@@ -212,5 +212,5 @@ def measure_edit_list(
     """
     instrument, (edit, cuts) = job
     with open_pictures() as gallery:
-        fish = place_rows(instrument.reduce_to_filmed_size(edit), gallery)
+        fish = fish_by_row(instrument.reduce_to_filmed_size(edit), gallery)
         return instrument.measure_fish(fish, cuts)

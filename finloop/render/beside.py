@@ -9,7 +9,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Ints, Picture
 from finloop.edit.measures import picture_kinds
 from finloop.edit.schema import filmed_edit_list
-from finloop.render.gallery import Gallery, place_rows
+from finloop.render.gallery import Gallery, fish_by_row
 from finloop.render.marks import COLOURS, rgb_from_hex, write_text
 from finloop.render.painter import Painter
 
@@ -65,7 +65,7 @@ def _draw_panels(
     painter, kinds = Painter(floor, colour=True), picture_kinds(edit)
     middle = (size - 1) / 2
     zoom = middle / half_px
-    for fish, kind in zip(place_rows(edit, gallery), kinds, strict=True):
+    for fish, kind in zip(fish_by_row(edit, gallery), kinds, strict=True):
         painter.show(fish)
         to_panel = np.array([  # puts the fish into the middle
             [zoom, 0, middle - zoom * fish.x_px], [0, zoom, middle - zoom * fish.y_px],

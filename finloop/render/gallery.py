@@ -95,7 +95,7 @@ class Gallery:
             rotation_deg += 2 * self.bodies.heading_deg[source] - 180
         return TurnedPicture(self.film_picture(source, mirrored), rotation_deg, scale)
 
-    def place_row(self, row: Any) -> PlacedFish:
+    def place_fish(self, row: Any) -> PlacedFish:
         """Return the fish that a row of an edit list draws: place, picture and cross-fade."""
         has_partner = row.weight > 0
         pictures = [row_picture(row), row_partner(row)] if has_partner else [row_picture(row)]
@@ -154,23 +154,23 @@ def build_cutout_sets(
     return cutout_sets
 
 
-def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
+def fish_by_row(edit: pd.DataFrame, gallery: Gallery) -> Iterator[PlacedFish]:
     """Yield the fish that each row of an edit list (schema EDIT) draws: place and picture.
 
     FinloopError before the first one lists all that cannot be drawn.
     """
     _check_drawable(edit, gallery)
-    return map(gallery.place_row, edit[_COLUMNS].itertuples(index=False))
+    return map(gallery.place_fish, edit[_COLUMNS].itertuples(index=False))
 
 
-def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[PlacedFish, ...]]:
+def fish_by_tick(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[PlacedFish, ...]]:
     """Yield the fish that each tick of an edit list (schema EDIT) draws, ordered by number.
 
     FinloopError before the first one lists all that cannot be drawn.
     """
     _check_drawable(edit, gallery)
     rows = edit.sort_values(["tick", "fish"], kind="stable")[_COLUMNS].itertuples(index=False)
-    all_fish = map(gallery.place_row, rows)
+    all_fish = map(gallery.place_fish, rows)
     # The same iterator once for each fish: so many successive fish are one tick.
     return zip(*[all_fish] * edit["fish"].nunique(), strict=True)
 

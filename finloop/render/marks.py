@@ -39,7 +39,7 @@ _FONT, _REGULAR, _BOLD = cv2.FontFace("sans"), 400, 700
 _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
-def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
+def row_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
     """Return the category that each row of an edit list shows, (rows,), and each category's colour.
 
     A category is a kind of picture ("film", "sprite", …), or a state of swimming if all rows show
@@ -70,7 +70,7 @@ def goal_stretches(edit: pd.DataFrame) -> list[GoalStretch]:
     return [GoalStretch(goal[start], int(start), int(stop)) for start, stop in pairwise(edges)]
 
 
-def ticks_with_goal(edit: pd.DataFrame) -> NDArray[np.bool_]:
+def rows_with_goal(edit: pd.DataFrame) -> NDArray[np.bool_]:
     """Return a mask (rows,) of an edit list's rows that lead to a goal; all True if none does."""
     has_goal = (edit["goal"] != "").to_numpy()
     return has_goal if has_goal.any() else ~has_goal
@@ -126,12 +126,12 @@ class MarkPainter:
         self._painter, self._goals = painter, {goal.name: goal for goal in goals}
         self._size = max(9, round(height / 36))  # of letters, px
         self._line = max(1, round(height / 450))  # width of lines, px
-        names, colours = tick_categories(edit)
+        names, colours = row_categories(edit)
         tick_colours = [rgb_from_hex(colours[name]) for name in names]
         faint_pen = Pen(_faint_colour(painter.floor), 1)
         pens = [
             Pen(colour, self._line) if has_goal else faint_pen
-            for colour, has_goal in zip(tick_colours, ticks_with_goal(edit), strict=True)
+            for colour, has_goal in zip(tick_colours, rows_with_goal(edit), strict=True)
         ]
         places = edit[["x_px", "y_px"]].to_numpy(float)
         self._tracks = [

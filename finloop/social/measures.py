@@ -151,7 +151,10 @@ def split_in_halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def middle_frame(frame: Ints) -> float:
-    """Return the frame number in the middle of the film's time; frame (n,): all numbers."""
+    """Return the frame number in the middle of the film's time.
+
+    frame (n,): numbers of the frames that show fish.
+    """
     return (int(frame.min()) + int(frame.max()) + 1) / 2
 
 

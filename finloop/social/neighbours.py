@@ -35,22 +35,22 @@ def complex_vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[
 
 
 def all_neighbours(place: Complex, heading: Complex) -> Neighbours:
-    """Return where each of m fish sees each other one, as `Neighbours` (…, m, m).
+    """Return how each of m fish sees each of the others, as `Neighbours` (…, m, m).
 
     place, heading (…, m): complex, body lengths and unit vectors, NaN for absent fish. A fish
     counts as absent for itself.
     """
     itself = np.eye(place.shape[-1], dtype=bool)
     others = np.where(itself, np.nan, place[..., None, :])
-    return neighbours_among(
+    return relative_neighbours(
         place[..., :, None], heading[..., :, None], others, heading[..., None, :]
     )
 
 
-def neighbours_among(
+def relative_neighbours(
     place: Complex, heading: Complex, other_place: Complex, other_heading: Complex
 ) -> Neighbours:
-    """Return other fish relative to each fish's own body: distance, bearing and heading.
+    """Return distance, bearing and heading of other fish, relative to the body of each fish.
 
     Places are complex in body lengths, headings complex unit vectors, of other fish NaN where
     absent: in the result their distance is inf, bearing and heading are 0. All four arrays are

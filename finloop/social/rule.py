@@ -17,7 +17,7 @@ import scipy
 from finloop.base.arrays import Complex, Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Schema, columns
-from finloop.social.neighbours import complex_vectors, neighbours_among
+from finloop.social.neighbours import complex_vectors, relative_neighbours
 from finloop.social.walls import Walls
 from finloop.social.zones import Zones, pull_of_others
 
@@ -173,7 +173,7 @@ def next_place_in_school(
     )
     group = complex_vectors(others.places, others.headings_deg, walls.length)
     pulls = pull_of_others(
-        neighbours_among(place[:, None], heading[:, None], *group), shoaling.zones
+        relative_neighbours(place[:, None], heading[:, None], *group), shoaling.zones
     )
     if pulls[0] == 0:
         return None

@@ -21,23 +21,23 @@ class Walls:
     length: float
 
     @cached_property
-    def depth(self) -> Floats:
+    def distances_from_wall(self) -> Floats:
         """Return the distance (h, w), in BL, of each pixel from the wall; 0 outside the arena."""
         walled = np.pad(self.arena.astype(np.uint8), 1)  # outside the picture is outside the arena
-        depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        return np.asarray(depth[1:-1, 1:-1], float) / self.length
+        px = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return np.asarray(px[1:-1, 1:-1], float) / self.length
 
     @cached_property
     def _directions_from_wall(self) -> Complex:
         """Return the direction (h, w) away from the wall at each pixel, as complex unit vectors."""
-        down, right = np.gradient(self.depth)
+        down, right = np.gradient(self.distances_from_wall)
         slope = right - 1j * down  # complex places have y up
         size = np.abs(slope)
         return np.asarray(slope / np.where(size > 0, size, 1), complex)
 
     def wall_distance(self, place: Complex) -> Floats:
         """Return the distance (…) of places (…) from the wall, in BL, at the nearest pixels."""
-        return self._values_at_places(self.depth, place)
+        return self._values_at_places(self.distances_from_wall, place)
 
     def vectors_from_wall(self, place: Complex, heading: Complex) -> Complex:
         """Return vectors (…) away from the wall, of length 1 / (1 + distance in body lengths).
@@ -45,7 +45,7 @@ class Walls:
         They are complex, relative to the fish's body. place, heading (…): of the fish, complex.
         """
         away = self._values_at_places(self._directions_from_wall, place) * heading.conj()
-        return away / (1 + self._values_at_places(self.depth, place))
+        return away / (1 + self._values_at_places(self.distances_from_wall, place))
 
     def is_inside(self, place: Complex) -> Mask:
         """Return a mask (…) of the places (…) that lie in the arena."""

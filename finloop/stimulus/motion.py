@@ -97,8 +97,8 @@ class TrialSetup:
 # --- changes of a motion
 
 
-def count_planned_ticks(change: MotionChange | None, ticks: int) -> int:
-    """Return how many ticks of a motion must be planned so that it fills a trial after its change.
+def count_ticks_to_plan(change: MotionChange | None, ticks: int) -> int:
+    """Return how many ticks of a motion to plan, so that after its change it fills a trial.
 
     A still motion needs one tick, a motion twice as fast about twice as many.
     """
@@ -112,10 +112,10 @@ def count_planned_ticks(change: MotionChange | None, ticks: int) -> int:
 def apply_change(states: States, change: MotionChange | None, ticks: int) -> States:
     """Return a motion (n, fish, fields) played faster, backwards or still, for at most `ticks`.
 
-    Only the first `count_planned_ticks` ticks of the motion are used, also backwards. A still
+    Only the first `count_ticks_to_plan` ticks of the motion are used, also backwards. A still
     motion holds its first state.
     """
-    states = states[: count_planned_ticks(change, ticks)]
+    states = states[: count_ticks_to_plan(change, ticks)]
     if change is None:
         return states
     if change.still:
@@ -189,7 +189,7 @@ def plan_motion(
     elif motion.company:
         tank.swim_in_group(fish_index=None)  # all fish
     goals = motion.goals or (() if motion.goal is None else (motion.goal,))
-    planned = _swim_to_goals(tank, scene, goals, count_planned_ticks(condition.change, ticks))
+    planned = _swim_to_goals(tank, scene, goals, count_ticks_to_plan(condition.change, ticks))
     return apply_change(planned, condition.change, ticks)
 
 
@@ -237,7 +237,7 @@ def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Tr
     return np.concatenate(parts)
 
 
-def rehearse_stimulus(scene: TrialContext) -> None:
+def warm_up_stimulus(scene: TrialContext) -> None:
     """Let a fish swim unseen for 200 ticks, so that no trial waits for functions to be compiled."""
     tank, rng = LiveTank({MODE: scene.player}, MODE, fish=1, seed=0), np.random.default_rng(0)
     for _ in range(_REHEARSED):

@@ -216,15 +216,15 @@ def _are_points_sufficient(points: Floats) -> bool:
     """
     least_area = _FLAT * float(np.ptp(points, axis=0).max()) ** 2
 
-    def is_flat(three: tuple[Floats, ...]) -> bool:
-        """Return whether three points lie on one line: they span hardly any area."""
+    def are_collinear(three: tuple[Floats, ...]) -> bool:
+        """Return whether three points lie on one line: their triangle has hardly any area."""
         (ax, ay), (bx, by) = three[1] - three[0], three[2] - three[0]
         return bool(abs(ax * by - ay * bx) <= least_area)
 
     if len(points) == 2:
         return least_area > 0
     for corners in combinations(points, min(len(points), 4)):
-        if not any(is_flat(three) for three in combinations(corners, 3)):
+        if not any(are_collinear(three) for three in combinations(corners, 3)):
             return True
     return False
 

@@ -54,7 +54,10 @@ class SurfaceGrid:
 
 @lru_cache
 def surface_grid(backbone_points: int) -> SurfaceGrid:
-    """Return the surface grid for backbones of a number of equally spaced points, head first."""
+    """Return the surface grid that fits backbones of `backbone_points` equally spaced points.
+
+    The first point is the head.
+    """
     half = np.radians(_HALF_DEG)
     around = np.concatenate([half[::-1], -half[1:]])  # from below over left, above and right
     return build_surface_grid(_ring_positions(), around, backbone_points)

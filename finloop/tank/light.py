@@ -26,6 +26,8 @@ _BRIGHTEST = 1.25  # of the floor, where light gathers
 _GATHERS = 0.17  # how strongly light gathers
 _SHADE = 0.55  # how much a shadow takes away
 _CELL_PX = 10  # of the pattern of light
+_FLOOR_PX = 960  # longest side of the floor's picture
+_WATER_CELLS = 44  # of the water's grid, along its longer side
 
 
 def wave_heights_and_slopes(
@@ -51,12 +53,12 @@ def wave_heights_and_slopes(
 class LitFloor:
     """The floor of the tank under moving light, with the shadows of fish."""
 
-    def __init__(self, background: NDArray[np.uint8], tank: TankSize, most_px: int = 960) -> None:
-        """Shrink the background to at most `most_px` a side; lay a grid for the light over it.
+    def __init__(self, background: NDArray[np.uint8], tank: TankSize) -> None:
+        """Shrink the background to `_FLOOR_PX` a side at most; lay a grid for the light over it.
 
         background: the film without fish, (H, W) or (H, W, 3) uint8.
         """
-        self._scale = min(1.0, most_px / max(background.shape[:2]))  # of the floor's picture
+        self._scale = min(1.0, _FLOOR_PX / max(background.shape[:2]))  # of the floor's picture
         small = background
         if self._scale < 1:
             width, height = (max(2, round(self._scale * side)) for side in background.shape[1::-1])
@@ -142,10 +144,10 @@ def _draw_soft_shadow(
 class WaterSurface:
     """The surface of the water as a grid (m, n) of points over the tank."""
 
-    def __init__(self, tank: TankSize, cells: int = 44) -> None:
-        """Lay the grid over the tank, with `cells` cells along its longer side."""
-        row_count = max(8, round(cells * tank.height / max(tank.width, tank.height)))
-        column_count = max(8, round(cells * tank.width / max(tank.width, tank.height)))
+    def __init__(self, tank: TankSize) -> None:
+        """Lay the grid over the tank."""
+        row_count = max(8, round(_WATER_CELLS * tank.height / max(tank.width, tank.height)))
+        column_count = max(8, round(_WATER_CELLS * tank.width / max(tank.width, tank.height)))
         columns = np.linspace(-0.5, tank.width - 0.5, column_count, dtype=np.float32)
         rows = np.linspace(-tank.height + 0.5, 0.5, row_count, dtype=np.float32)
         self.x, self.y = np.meshgrid(columns, rows)

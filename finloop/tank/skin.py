@@ -23,6 +23,7 @@ _SOLID = 200  # alpha from which a pixel's own colour is sure
 _BELLY_GREY, _BELLY_SHARE = 236.0, 0.5  # grey level of a belly, and how much of it is mixed in
 _EYE = 0.075, 0.42, 0.021  # place along the body; around, 0 = back, 1 = belly; radius, body lengths
 _PUPIL, _IRIS = 22.0, 206.0
+_KEPT = 256  # skins that stay in memory
 
 
 class SurfaceAndSkin(NamedTuple):
@@ -45,12 +46,12 @@ class FishSkins:
 
     def __init__(
         self, film: FilmBodies, typical: Reals, centres_px: Reals,
-        load_cutout: Callable[[int], Cutout], keep: int = 256,
+        load_cutout: Callable[[int], Cutout],
     ) -> None:  # fmt: skip
         """Compute what all skins share: the places of their pixels, the belly and the eyes.
 
         typical (p,): median half widths in body lengths; centres_px (n, 2): mass centres, px of the
-        film, y down; load_cutout: returns the cut-out of a row; keep: skins that stay in memory.
+        film, y down; load_cutout: returns the cut-out of a row.
         """
         self._film, self._typical, self._centres = film, typical, centres_px
         self._load_cutout = load_cutout
@@ -62,7 +63,7 @@ class FishSkins:
         belly_share = _BELLY_SHARE * below * below * (3 - 2 * below)  # smooth at both ends
         self._belly_share = belly_share.astype(np.float32)[:, None]
         self._eyes = _eye_layers(along, around)
-        self.skin = lru_cache(keep)(self._wrap_cutout)
+        self.skin = lru_cache(_KEPT)(self._wrap_cutout)
 
     def _wrap_cutout(self, row: int) -> NDArray[np.float32]:
         """Return a film row's cut-out wrapped around the body, with belly and eyes added.

@@ -9,7 +9,7 @@ from finloop.io.picture import save_figure, save_picture
 from finloop.plots.parts import draw_message
 from finloop.plots.render import choose_sheet_ticks, cut_tiles, draw_tiles, draw_trajectory
 from finloop.project import Project
-from finloop.render.gallery import place_rows
+from finloop.render.gallery import fish_by_row
 from finloop.render.painter import Painter
 from finloop.render.settings import RenderSettings
 from stages.settings import load_settings
@@ -31,7 +31,7 @@ def main() -> None:
         edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
         for name, ticks in choose_sheet_ticks(edit, drawn.tracks).items():
             chosen = edit.iloc[ticks].assign(tick=range(len(ticks)))
-            rows = place_rows(chosen, gallery) if ticks else ()
+            rows = fish_by_row(chosen, gallery) if ticks else ()
             sheet = draw_tiles(cut_tiles(edit, ticks, rows, Painter(background), half_px))
             save_picture(REPORT / f"{name}.png", sheet)
         for mode, facts in MODES.items():

@@ -10,7 +10,7 @@ from finloop.io.picture import save_picture
 from finloop.io.table import load_table
 from finloop.plots.retarget import choose_ticks_to_draw, draw_backbones
 from finloop.project import Project
-from finloop.render.gallery import place_rows
+from finloop.render.gallery import fish_by_row
 from finloop.render.painter import Painter
 from finloop.retarget import ASKED
 
@@ -31,7 +31,10 @@ def main() -> None:
         with Project() as project:
             drawn = project.edit_with_sources(RETARGET, "plots-modes")
             chosen = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
-            rows, painter = place_rows(chosen, project.gallery(drawn)), Painter(project.background)
+            rows, painter = (
+                fish_by_row(chosen, project.gallery(drawn)),
+                Painter(project.background),
+            )
             size = round(_SPAN * drawn.scene.typical_length_px)
             picture = draw_backbones(asked, ticks, rows, painter, size)
         save_picture(folder / "backbones.png", picture)

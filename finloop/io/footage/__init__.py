@@ -17,7 +17,7 @@ from finloop.base.errors import FinloopError
 from finloop.io.footage.arrays import is_array_file
 from finloop.io.footage.film import open_film
 from finloop.io.footage.pictures import SUFFIXES, TIFF, natural_sort_key, open_pictures
-from finloop.io.footage.source import WANTED, Footage, limit_time
+from finloop.io.footage.source import WANTED, Footage, restrict_time
 
 FILMS = {
     ".avi", ".gif", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ogv",
@@ -50,7 +50,7 @@ def open_footage(
         footage, times = open_pictures(path, rate, colour)
     else:
         footage, times = open_film(path, rate, colour)
-    return limit_time(footage, times, start_s, math.inf if end_s is None else end_s)
+    return restrict_time(footage, times, start_s, math.inf if end_s is None else end_s)
 
 
 def list_films(path: str) -> list[Path]:

@@ -41,9 +41,9 @@ from finloop.io.footage.source import (
     nearest_turn,
     no_rate_error,
     other_size_error,
-    square_size,
+    square_pixel_size,
     stretch_levels,
-    too_few_error,
+    too_few_frames_error,
 )
 from finloop.io.footage.timing import estimate_frame_rate
 from finloop.io.video import THREADS, view_grey_levels
@@ -160,7 +160,7 @@ def _list_picture_notes(
     whether a film of unstated range is taken as one of full range.
     """
     coded_size = coding.width, coding.height
-    size, square = (f"{w}×{h} px" for w, h in (coded_size, square_size(*coded_size, aspect)))
+    size, square = (f"{w}×{h} px" for w, h in (coded_size, square_pixel_size(*coded_size, aspect)))
     applies_by_note = {
         f"the file says that pixels are {aspect} times as wide as high: pictures of {size} are "
         f"made square, {square}": square != size,
@@ -206,7 +206,7 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         chroma.append(measure_chroma_fraction([rgb]))
         outside.append(_measure_outside_fraction(frame))
     if first is None:
-        raise too_few_error(path, 0)
+        raise too_few_frames_error(path, 0)
     levels = choose_deep_levels(deep) if deep else None
     if levels:
         chroma = [measure_chroma_fraction([stretch_levels(rgb, *levels)]) for rgb in deep]
@@ -299,7 +299,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
             raise no_rate_error(path, f"a raw stream of {promised} frames")
         stamps, stated = np.arange(promised) / float(rate), [rate]
     if stamps.size < 2:
-        raise too_few_error(path, stamps.size)
+        raise too_few_frames_error(path, stamps.size)
     coding = _measure_coding(path, stamps if has_stamps else stamps[:1])
     film_rate = estimate_frame_rate(stamps, stated)
     frame_rate = rate or film_rate
@@ -309,7 +309,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     if rate is not None and rate != film_rate:
         says = f"the file says {float(film_rate):g} frames/s"
         notes = [f"{says}; its frames are taken as shot at {float(rate):g}", *notes]
-    square = square_size(coding.width, coding.height, aspect)
+    square = square_pixel_size(coding.width, coding.height, aspect)
     footage = Footage(
         path=path,
         width_px=square[coding.turn.quarter_turns % 2],  # a quarter turn swaps the sides
@@ -457,7 +457,7 @@ def _upright_picture(footage: Footage, frame: VideoFrame) -> np.ndarray:
         picture = _convert_to_rgb(frame, footage.full_range, footage.levels)
     else:
         picture = _convert_to_grey(frame, footage.full_range, footage.levels)
-    square = square_size(*footage.coded_size, footage.pixel_aspect)
+    square = square_pixel_size(*footage.coded_size, footage.pixel_aspect)
     if square != footage.coded_size:
         picture = cv2.resize(picture, square, interpolation=cv2.INTER_LINEAR)
     return footage.turn(picture)

@@ -32,7 +32,7 @@ from finloop.io.footage.source import (
     no_rate_error,
     other_size_error,
     stretch_levels,
-    too_few_error,
+    too_few_frames_error,
 )
 from finloop.io.footage.stamps import count_times, times_in_files, times_in_names, times_in_stack
 from finloop.io.footage.timing import estimate_frame_rate
@@ -130,7 +130,7 @@ def open_pictures(
     is_rate_given = rate is not None
     with _open_album(path, is_rate_given) as (names, load, frame_numbers, notes, times):
         if len(names) < 2:
-            raise too_few_error(path, len(names))
+            raise too_few_frames_error(path, len(names))
         if times is not None:  # only if no rate is given
             rate = estimate_frame_rate(times, [])
             note = f"names or tags say when the pictures were shot: {float(rate):.4g} frames/s"
@@ -192,9 +192,9 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
 def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
     """Return the name pattern and the sorted files of a film among a folder's pictures.
 
-    The names in a series differ only in numbers. If no such series has more than two pictures and 5
-    % of all, the pictures with one ending are a series. FinloopError if there are several, or if
-    not only a few pictures are in none.
+    The names in a series differ only in numbers. If no such series has more than two pictures and
+    more than 5 % of all, the pictures with one ending are a series. FinloopError if there are
+    several series, or if more than a few pictures belong to none.
     """
     few = max(2, _FEW * len(files))
     series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + _ending_of(file))
@@ -383,7 +383,7 @@ def _sample_pictures(footage: Footage, length: int) -> Iterator[list[np.ndarray]
 def _choose_pictures(footage: Footage, album: Album) -> tuple[Floats, list[int]]:
     """Return the time [s] (n,) of every picture, and the numbers of those in the time range.
 
-    Two at least: `limit_time` refuses a range with fewer.
+    Two at least: `restrict_time` refuses a range with fewer.
     """
     times_s = album.times_s
     if times_s is None:

@@ -141,8 +141,8 @@ class Footage:
         )  # fmt: skip
 
 
-def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
-    """Return a film restricted to the range of time from start_s to before end_s.
+def restrict_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
+    """Return a film restricted to the times from `start_s` to before `end_s`.
 
     times: of all its frames [s], from 0. FinloopError if the range is empty, reaches beyond the
     film, or holds fewer than two frames.
@@ -174,7 +174,7 @@ def is_in_range(footage: Footage, time_s: float | Fraction) -> bool:
     return footage.start_s - slack <= time_s < footage.end_s - slack
 
 
-def square_size(width: int, height: int, aspect: Fraction) -> tuple[int, int]:
+def square_pixel_size(width: int, height: int, aspect: Fraction) -> tuple[int, int]:
     """Return the width and height of a picture that is enlarged until its pixels are square.
 
     width, height: in the file; aspect: width : height of a pixel there.
@@ -196,7 +196,7 @@ def no_rate_error(path: Path, what: str) -> FinloopError:
     )
 
 
-def too_few_error(path: Path, count: int) -> FinloopError:
+def too_few_frames_error(path: Path, count: int) -> FinloopError:
     """Return the error for a film of fewer than two frames; count: how many it has."""
     came = f"{path} holds {'a single frame' if count else 'no frame that can be decoded'}"
     folder = f", or the folder of pictures: {path.parent}"
