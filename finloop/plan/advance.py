@@ -44,7 +44,7 @@ def largest_steering_turn(speed_bl_s: float, steering: Steering) -> float:
 
 
 class RoutePlace(NamedTuple):
-    """A place x, y px, and how many px along its route a fish there was last."""
+    """The place x, y px of a fish, and how far along its route it last was, in px."""
 
     x: float
     y: float
@@ -252,7 +252,7 @@ def turn_branch_to_row(graph, branch, row):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
-    """Extend a branch by some ticks of film; return whether its new end is free.
+    """Extend a branch by `ticks` of film if its new end is free; return whether it is.
 
     Free is inside the tank and clear of other fish, at the new end alone; only then the branch
     (dtype `BRANCH`) is changed in place. search: `Search`; its route, if that has points, steers
@@ -300,11 +300,11 @@ def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def advance_branch_by_leg(search, branch):  # type: ignore[no-untyped-def]
-    """Extend a branch by a leg of film; return whether it can go on, and whether it is done.
+    """Extend a branch by a leg; return whether it can go on, and whether its objective is met.
 
     A leg ends at the first row with jumps after at least a stride (`CostWeights.stride` ticks), or
     where the film or the search's horizon ends. After every stride the branch is checked: its leg
-    also ends if the objective is done. If a wall or a fish is in its way, or no film is left, both
+    also ends if the objective is met. If a wall or a fish is in its way, or no film is left, both
     results are False. Else it can go on if its last row is recurrent: if film can be played from
     there for ever. search: `Search`; branch (dtype `BRANCH`): its place, row, ticks, marks, and the
     terms rarity, lag and path are changed in place.
@@ -332,7 +332,7 @@ def advance_branch_by_leg(search, branch):  # type: ignore[no-untyped-def]
 def extend_trajectory_by_film(
     graph: SearchGraph, trajectory: Floats, row: int, rotation_deg: float, ticks: int
 ) -> Floats:
-    """Return a trajectory that ends at a film row, extended by the next places of the film.
+    """Return a trajectory extended by the places to which the film leads if it plays on.
 
     trajectory (k, 3): x, y px, heading in degrees; row: the film row shown at its end, turned by
     `rotation_deg`; ticks: how many places to add, fewer where the film ends.
@@ -363,11 +363,11 @@ class StepScale(NamedTuple):
 
 @kernel
 def predicted_trajectory(states: Floats, start: Floats, scale: StepScale) -> Floats:
-    """Return the trajectory (n + 1, 3), x, y px and heading, of a fish that moves as predicted.
+    """Return the trajectory (n + 1, 3) of a fish that swims at predicted speeds and turn rates.
 
     states (n, d): predicted states, tick by tick, whose last three numbers are the speeds ahead and
-    to the left, body lengths/s, and the turn rate, rad/s; start (3,): x, y px, heading in degrees,
-    the first place of the result; scale: px and degrees in a tick for 1 of these units.
+    to the left, body lengths/s, and the turn rate, rad/s; start (3,): the first place of the
+    result, x, y px, heading in degrees; scale: px and degrees in a tick for 1 of these units.
     """
     trajectory = np.empty((len(states) + 1, 3))
     x, y, heading = start[0], start[1], start[2]

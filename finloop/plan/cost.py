@@ -104,7 +104,7 @@ class Rarity:
 
     @property
     def cumulative_row_costs(self) -> Floats:
-        """Return the running sum (n,) of the rows' costs, each less their mean, in ticks."""
+        """Return the running sum (n,), in ticks, of each row's cost less the mean row's."""
         return (self._row_costs - self._row_costs.mean()).cumsum()
 
     @cached_property
@@ -129,7 +129,7 @@ class Rarity:
 
 @for_kernels
 def _step_cost(step, sorted_steps, weight):  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of a step from picture to picture: the larger, the more.
+    """Return the cost, in ticks, of a step from one picture to the next: rare steps cost more.
 
     It is weight · n / m, where m of the film's n steps are as large or larger, but m is at least 1.
     step: a number or an array, as an Euclidean distance (Eq. 5); sorted_steps (n,): those of the
@@ -146,7 +146,6 @@ def _transition_costs(  # type: ignore[no-untyped-def]
     """Return the extra cost (k,), in ticks, of the first steps after a transition to each row (k,).
 
     These are the _FADING_TICKS steps in which the offset between the two poses fades fastest.
-
     steps, sorted_steps, weight, added_step: fields of `Rarity`; row_costs (n,): ticks that the step
     to each row costs in the film; codes (m, c): pose codes of all rows and, from n on, their mirror
     images; row: the one on screen.
@@ -181,7 +180,7 @@ class Tempo(NamedTuple):
 
     @classmethod
     def from_film(cls, film: MotionGraph, memory_ticks: float, least_ticks: float) -> "Tempo":
-        """Return the tempo of a film: mean step, how a lag fades, and the usual lag.
+        """Measure the tempo of a film: mean step, how a lag fades, and the usual lag.
 
         The lag at a row is what is left of the lag at the row before, plus the row's own
         (`row_lags`). memory_ticks: ticks after which 1/e of a lag is left; least_ticks: smallest
@@ -200,7 +199,7 @@ class Tempo(NamedTuple):
         return float(_lag_after(self.step_px, self.keeps, lag, trajectory, begin_px))
 
     def cost_of_rest(self, lag: float, weight: float) -> float:
-        """Return what a tick on the spot costs, in ticks, at a lag; < 0 for a fish that is ahead.
+        """Return what a tick on the spot costs, in ticks; negative for a fish that is ahead.
 
         lag: ticks, + where the fish is late; weight: the cost at the usual lag, ticks. The cost is
         proportional to the lag, and constant beyond 3 usual lags to either side.
@@ -208,10 +207,11 @@ class Tempo(NamedTuple):
         return weight * min(max(lag / self.usual, -_MOST_LAGS), _MOST_LAGS)
 
     def cost_of_rest_on_path(self, lag: float, weight: float) -> float:
-        """Return what a tick on the spot costs on a path, in ticks ≥ 0, at a lag in ticks.
+        """Return what a tick on the spot costs a fish on a path, in ticks ≥ 0.
 
-        weight: the cost at the usual lag, ticks; a quarter of it is added at every lag, as slow
-        fish stay closer to the path. Beyond 3 usual lags the cost is constant.
+        lag: ticks, + where the fish is late; weight: the cost at the usual lag, ticks; a quarter of
+        it is added at every lag, as slow fish stay closer to the path. Beyond 3 usual lags the cost
+        is constant.
         """
         return weight * max(_BASE + min(lag / self.usual, _MOST_LAGS), 0.0)
 
@@ -299,7 +299,7 @@ def path_tick_cost(
 
 @finite_leaf
 def offset_cost(distance_px2: float, unit_px2: float) -> float:
-    """Return the square of a distance in units, but linear beyond one unit (Huber's function).
+    """Return the cost of a distance: its square in units, linear beyond one unit (Huber, 1964).
 
     distance_px2: square of the distance, px²; unit_px2: square of the unit, px².
     """

@@ -83,11 +83,11 @@ class Fallback:
         Free is inside the tank and clear of other fish. Where nothing is free, the fish stays in
         place with its present picture for one tick.
         """
-        for stretch in self._yielding_stretches(fish, x, y):
+        for stretch in self._stretches_giving_way(fish, x, y):
             inside = self._part_inside_tank(stretch)
             if inside is not None and (ticks := self.count_free_ticks(fish, inside)):
                 return inside.cut(ticks)
-        return stretch.cut(1)  # the last yielding stretch: the present picture, in place
+        return stretch.cut(1)  # the last stretch to give way: the present picture, in place
 
     def count_free_ticks(self, fish: Fish, stretch: Stretch) -> int:
         """Return how many ticks of a stretch are clear of other fish, even if the fish then stays.
@@ -113,7 +113,7 @@ class Fallback:
         return replace(stretch.cut(len(inside)), trajectory=inside, touches_goal=False)
 
     def _stay_at_wall(self, fish: Fish, target: Target) -> Stretch:
-        """Return a stretch for a fish whose next picture does not fit in beside a wall.
+        """Return a stretch for a fish that stays where its next picture would overlap a wall.
 
         It drifts towards open water, and turns to the target where there is room. Where no picture
         fits, it stays with the present one.
@@ -126,8 +126,8 @@ class Fallback:
                 return inside
         return staying  # the last of them: the present picture, without drift
 
-    def _yielding_stretches(self, fish: Fish, x: float, y: float) -> Iterator[Stretch]:
-        """Yield stretches in which a fish drifts away from another at x, y px, the best first.
+    def _stretches_giving_way(self, fish: Fish, x: float, y: float) -> Iterator[Stretch]:
+        """Yield stretches in which a fish drifts away from another fish at x, y px, best first.
 
         The later ones lead more and more aside; in the last it stays with its present picture.
         """
@@ -167,7 +167,7 @@ class Fallback:
         )
 
     def _add_drift(self, fish: Fish, stretch: Stretch, target: Target) -> Floats:
-        """Return the trajectory (n, 3) of a stretch in place, drifting slowly to a target."""
+        """Return the trajectory (n, 3) of a stretch in place, with a slow drift to a target."""
         distances = np.arange(1, len(stretch.trajectory) + 1) * self._drift_px
         offset = np.subtract(target[:2], (fish.x, fish.y))
         direction = offset / max(float(np.hypot(*offset)), 1e-9)
@@ -181,9 +181,9 @@ def _turn_in_place(  # type: ignore[no-untyped-def]
     film: MotionGraph, row: int, rotation_deg: float, pose: Floats, target: Target, most_ticks: int,
     most_deg: float,
 ):  # fmt: skip
-    """Return the rows (n,) that a fish shows in place, and its trajectory (n, 3): x, y px, heading.
+    """Turn a fish on the spot to a target; return the rows (n,) and trajectory (n, 3) shown.
 
-    row: on screen, turned by `rotation_deg`; pose (3,): x, y px, heading; target: to turn to;
+    row: on screen, turned by `rotation_deg`; pose (3,) and each trajectory row: x, y px, heading;
     most_ticks: largest n; most_deg: largest correction of the film's own turn in a tick.
     """
     # The first row: the film's next one if it can play on for ever, else its best jump, if any.

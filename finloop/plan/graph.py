@@ -127,7 +127,7 @@ def loop_jumps(loops: LoopGraph, row_count: int, natural_step: float) -> Jumps:
 
 
 def index_jumps(jumps: pd.DataFrame, row_count: int) -> Jumps:
-    """Return the jumps of a table as arrays in which those of a row are found at once.
+    """Index a table of jumps by row: return them as arrays, those of a row side by side.
 
     jumps: table with the columns of `JUMPS`, already sorted by row and then by seam; row_count:
     number n of rows of the film. If some jumps lead to mirror images, those from the mirror images,
@@ -217,9 +217,10 @@ def row_can_play_on(rows, row):  # type: ignore[no-untyped-def]
 
 @kernel
 def drawn_rotations(film_rows: NDArray[np.void], rows: Ints, trajectory: Floats) -> Floats:
-    """Return by how many degrees (n,) rows (n,) are turned that a fish shows along a trajectory.
+    """Return by how many degrees (n,) each row is turned when a fish shows it on its trajectory.
 
-    film_rows: all rows, of dtype `ROW`; trajectory (n, 3): x, y px, heading in degrees.
+    film_rows: all rows, of dtype `ROW`; rows (n,): those shown; trajectory (n, 3): x, y px, heading
+    in degrees.
     """
     rotations_deg = np.empty(len(trajectory))
     for t in range(len(trajectory)):
@@ -237,13 +238,16 @@ def jump_range(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
 
 
 def mean_step_px(rows: NDArray[np.void]) -> float:
-    """Return the mean distance, px, that a tick of rows (n,), dtype `ROW`, moves; 1 if none."""
+    """Return the mean distance, px, that a fish moves from row to row; 1 if there is none.
+
+    rows (n,): of dtype `ROW`.
+    """
     steps = np.hypot(rows["dx"], rows["dy"])[rows["has_next"]]
     return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
 
 
 def farthest_distances(film: MotionGraph, most_ticks: int) -> Floats:
-    """Return the largest distances (most_ticks + 1,), px, that film fish cover in 0, 1 … ticks.
+    """Return the largest distances (most_ticks + 1,), px, that filmed fish cover in 0, 1 … ticks.
 
     They are computed for powers of two; in between each is the distance of the next power.
     """
@@ -258,7 +262,7 @@ def farthest_distances(film: MotionGraph, most_ticks: int) -> Floats:
 
 
 def row_lags(rows: NDArray[np.void]) -> Floats:
-    """Return by how many ticks (n,) playing each row's step falls behind the film's mean speed.
+    """Return by how many ticks (n,) each row's step falls behind one at the film's mean speed.
 
     rows (n,): of dtype `ROW`. 0 where no row is next; < 0 where the fish is faster than the mean.
     """
@@ -335,7 +339,7 @@ def remove_dead_ends(sampler: Sampler, has_next: Mask, at_rest: Mask) -> Sampler
 
 
 def _lead_to_largest_component(shown: Mask, start: Ints, to: Similar) -> Mask:
-    """Return which rows (m,) lead to the largest strongly connected component, or are in it.
+    """Return which rows (m,) are in the largest strongly connected component, or lead to it.
 
     A row leads to the next one, and to those after its similar rows. shown (m + 1,): rows that may
     be used; the rows similar to row k are `to[start[k]:start[k + 1]]`.

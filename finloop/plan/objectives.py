@@ -1,4 +1,4 @@
-"""The objective of a fish: to a goal, along a path, by a rule; and the cost still to come."""
+"""The objective of a search: a target to touch or a route to follow; and the cost to come."""
 
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ class Objective(NamedTuple):
 
 
 class FilmStep(NamedTuple):
-    """How far film moves a fish in some ticks: px ahead, to its left, and as the crow flies."""
+    """How far the film moves a fish in `ticks`: px ahead, to its left, and in a straight line."""
 
     ahead: float
     left: float
@@ -131,9 +131,9 @@ def cost_of_time(search, branch):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def is_at_path_end(route, along_px):  # type: ignore[no-untyped-def]
-    """Return whether `along_px` along a route is its end; False if it is closed or has times.
+    """Return whether a fish `along_px` along its route is at its end.
 
-    A closed route has no end, and one with times ends by its time.
+    False if the route is closed, as it has no end, or has times, as it ends by its time.
     """
     if route.closed or route.when.size:
         return False
@@ -142,9 +142,9 @@ def is_at_path_end(route, along_px):  # type: ignore[no-untyped-def]
 
 @kernel_part
 def points_due(route, tick, tick_count):  # type: ignore[no-untyped-def]
-    """Return the points due on a route with times, x, y px (tick_count, 2), from a tick on.
+    """Return where a route with times wants the fish at each tick: x, y px (tick_count, 2).
 
-    The result is (0, 2) for a route without times.
+    The first is for `tick`. The result is (0, 2) for a route without times.
     """
     count = tick_count if route.when.size else 0
     points = np.empty((count, 2))
@@ -155,9 +155,10 @@ def points_due(route, tick, tick_count):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def heading_vector(preview, branch):  # type: ignore[no-untyped-def]
-    """Return the cosine and sine of the heading of a film row, turned as a branch turns its rows.
+    """Return the cosine and sine of the heading that a film row has if a branch shows it.
 
-    preview: of the film row, of dtype `PREVIEW`; branch: of dtype `BRANCH`.
+    A branch turns its rows by its rotation. preview: of the film row, of dtype `PREVIEW`; branch:
+    of dtype `BRANCH`.
     """
     cos = preview.cos * branch.cos - preview.sin * branch.sin
     sin = preview.sin * branch.cos + preview.cos * branch.sin
@@ -207,7 +208,7 @@ def _path_deviation(search, branch, step, direction):  # type: ignore[no-untyped
 def place_by_rule(
     rule: Rule, fish: Fish, world: FilmWorld, rng: np.random.Generator
 ) -> tuple[Floats, int] | None:
-    """Return the place (2,), px, that a rule sends a fish to, and for how many ticks it holds.
+    """Return where a rule sends a fish, x, y px (2,), and for how many ticks it swims there.
 
     With a leader it is a body length behind the leader, for this decision alone (0 ticks); else the
     zones give the place. None where they request nothing.

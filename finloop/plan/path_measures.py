@@ -69,7 +69,7 @@ def path_table(
     steer = [np.zeros((len(s.trajectory), 2)) if s.steer is None else s.steer for s in stretches]
     corrections = np.concatenate([empty[:, :2], *steer])[:ticks]
     route, length = path.asked, world.motion.body_length_px
-    nearest, due_places = _follow_route(route, trajectory)
+    nearest, due_places = _nearest_and_due_points(route, trajectory)
     error_deg = np.full(len(trajectory), np.nan)
     if len(route.heading) and len(trajectory):
         place = np.minimum((nearest[:, 0] / route.step).astype(int), len(route.heading) - 1)
@@ -86,8 +86,8 @@ def path_table(
     })  # fmt: skip
 
 
-def _follow_route(route: Route, trajectory: Floats) -> tuple[Floats, Floats]:
-    """Return the places on a route nearest to a fish at each tick, and those due then.
+def _nearest_and_due_points(route: Route, trajectory: Floats) -> tuple[Floats, Floats]:
+    """Return the point of a route nearest to a fish at each tick, and the point due then.
 
     trajectory (t, 3): x, y px, heading, from the route's first tick on. The nearest are (t, 3): px
     along the route, and x, y px; those due (t, 2): x, y px, NaN on a route without times.
@@ -107,7 +107,7 @@ def _follow_route(route: Route, trajectory: Floats) -> tuple[Floats, Floats]:
 def path_metrics(
     followed: pd.DataFrame, departures: pd.DataFrame, path: Path, world: FilmWorld
 ) -> dict[str, float]:
-    """Return measures of a followed path by name; {} if there is no tick.
+    """Return how well a fish followed its path, as measures by name; {} if there is no tick.
 
     Errors are in body lengths and degrees. followed: columns of `PATH_ROWS`; departures: columns of
     `LEFT`. Of the corrections, `path_turn_corrected_pct` is the RMS of the turns over Δ, as a
@@ -195,7 +195,7 @@ def find_departures(
 def _cause_of_departure(
     first: pd.Series, last: pd.Series, path: Path, world: FilmWorld, limits: SwimmingLimits
 ) -> str:
-    """Return why no fish can follow a part of a path: "wall", "fast", "sharp", or "" if it can.
+    """Return why no fish can follow a part of a path: "wall", "fast", "sharp", or "" if one can.
 
     The words are those of `LEFT`. first, last: rows of `PATH_ROWS` at which the part begins and
     ends; the part is taken with a body length before and after. limits: of the film's fish.
@@ -218,7 +218,7 @@ def _cause_of_departure(
 
 
 def _shifts_off_walls(along_px: Floats, path: Path) -> Floats:
-    """Return by how many px (n,) the requested path was moved off walls, at `along_px` (n,)."""
+    """Return by how many px (n,) walls made finloop move the requested path, at `along_px` (n,)."""
     steered, asked = (_points_along(route, along_px) for route in path)
     return np.hypot(*(steered - asked).T)
 
@@ -249,7 +249,7 @@ def _directions_deg(steps_px: Floats) -> Floats:
 
 
 def film_bend(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
-    """Return a quantile of the bends of the film's fish over Δ, radians per body length.
+    """Return a quantile of how sharply the film's fish turn over Δ, radians per body length.
 
     A bend is the turn from one Δ to the next, divided by the distance. delta: Δ in ticks;
     length_px: body length; quantile: 0-1. The result is 0 where the film is too short, or no fish

@@ -189,7 +189,7 @@ class Planner:
     def plan(
         self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """Return the next stretch, to a goal, by a path, a rule or anywhere, and the state after.
+        """Return the next stretch of a fish for its goal, path or rule, and the state after it.
 
         A fish without a goal gets a place for some ticks; when they are over, the next call chooses
         another. The same state, goal and generator state give the same result. Only the generator
@@ -217,7 +217,7 @@ class Planner:
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[Target, Floats, int, bool]:
-        """Return where a fish without a path swims now, as a target and as its state stores it.
+        """Return the target of a fish without a path, and the place its state keeps for it.
 
         The place (2,), its ticks, and whether a rule requested it are kept or chosen: see
         `_choose_place`; a goal is not stored. The target is free where the fish only wanders and
@@ -235,7 +235,7 @@ class Planner:
     def _choose_place(
         self, state: State, rule: Rule | None, rng: np.random.Generator
     ) -> tuple[Floats, int, bool]:
-        """Return where a fish without a goal swims, x, y px (2,), its ticks, and whether by a rule.
+        """Choose a place for a fish without a goal; return x, y px (2,), ticks, whether by a rule.
 
         The ticks are those for which the fish swims there. A rule goes first; where it requests
         nothing, the place is a random one. A place behind a leader is chosen anew every time.
@@ -342,11 +342,11 @@ class Planner:
         self, fish: Fish, along_px: float, objective: Objective, task: Route | Target,
         plans: list[Plan], turn_first_terms: tuple[float, ...] = (),
     ) -> Stretch:  # fmt: skip
-        """Return the stretch of a fish in place; its goal counts as touched if it rests on it.
+        """Return the stretch of a fish that stays in place.
 
-        along_px: how far the fish is along the path; plans: the best first: the stretch says what
-        the best one compared, and that nothing of it was taken; turn_first_terms: of
-        `_turn_first_terms`, if the fish stays to turn.
+        A goal on which it rests counts as touched. along_px: how far the fish is along the path;
+        plans: the best first: the stretch says what the best one compared, and that nothing of it
+        was taken; turn_first_terms: of `_turn_first_terms`, if the fish stays to turn.
         """
         stretch = self._fallback.stay(fish, self._point_ahead(objective, along_px))
         target = task if isinstance(task, Target) else ANYWHERE
@@ -535,7 +535,7 @@ class Planner:
         return Fallback(self.world)
 
     def _fish_in_film(self, fish: Fish) -> Fish:
-        """Return a fish that a sprite shows as a fish in the film, at the row behind the sprite."""
+        """Return a fish that a sprite shows as one that the film row behind the sprite shows."""
         row = int(self.sprite_rows[fish.sprite])
         rotation_deg = float(wrap(fish.heading - self.world.film.heading[row]))
         return fish._replace(state=FILM, sprite=-1, row=row, rotation_deg=rotation_deg)

@@ -95,7 +95,7 @@ class Candidates(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What does not change during one search.
+    """What does not change during one search: graph, start, objective, weights, horizon.
 
     horizon: ticks that it looks ahead; due_points (t, 2): x, y px due on a route with times, at
     each tick from `start.tick` on; memory: the index of `start.recent`.
@@ -111,7 +111,7 @@ class Search(NamedTuple):
 
 
 class Outcomes(NamedTuple):
-    """What becomes of each candidate (k,) in the search.
+    """What the search found for each candidate (k,): cost of the best branch, terms, verdict.
 
     costs: of the best branch from it, in ticks, infinite where none reaches the end of the search;
     terms (k, t): that cost term by term; ticks: duration of the best branch, else of the longest;
@@ -174,16 +174,17 @@ class BestBranch(NamedTuple):
 
 
 def make_candidates(rows: Ints, rotations_deg: Floats, seams: Floats) -> Candidates:
-    """Return candidates (k,) without costs; those with a discontinuity are jumps.
+    """Return the candidates that show these rows (k,), without costs.
 
-    rows (k,); rotations_deg (k,): by which they would be turned; seams (k,): discontinuities.
+    rotations_deg (k,): by which they would be turned; seams (k,): discontinuities, in natural
+    steps; a candidate is a jump if it has one.
     """
     return Candidates(rows, rotations_deg, seams, seams > 0, np.zeros((len(rows), len(TERMS))))
 
 
 @kernel
 def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candidates:
-    """Return what can be shown in place of a row: itself if it plays on for ever, and its jumps.
+    """Return the candidates at a row: itself, if the film can play on from it, and its jumps.
 
     row: the film's next row; rotation_deg: by which it would be turned. The terms of their costs
     are 0.
@@ -210,7 +211,7 @@ def film_candidates(film: MotionGraph, row: int, rotation_deg: float) -> Candida
 def weigh_film_candidates(  # type: ignore[no-untyped-def]
     film: MotionGraph, row: int, rotation_deg: float, recent: Ints, tick: int, weights: CostWeights
 ):  # fmt: skip
-    """Return the film's candidates to show next, with the costs of jumps and of repetition.
+    """Return the candidates at a row of the film, with the costs of jumps and of repetition.
 
     row: the film's next row; rotation_deg: by which it would be turned; recent (m, 3): stretches of
     film that were on screen before `tick`. A candidate counts as repeated if its row, or a row
@@ -264,10 +265,10 @@ def beam_search(
 
 @kernel_part
 def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
-    """Return the first beam, the outcomes, and the number of branches: one a candidate that fits.
+    """Begin a branch with each candidate that fits; return the beam, outcomes, and branch count.
 
-    A candidate fits if its row can play on for ever, inside the tank and clear of other fish.
-    search: `Search`; most_legs: legs for which the beam has memory.
+    A candidate fits if its row is inside the tank, clear of other fish, and the film can play on
+    from it for ever. search: `Search`; most_legs: legs for which the beam has memory.
     """
     graph, start, most_branches = search.graph, search.start, search.weights.beam
     count, branch_count = candidates.rows.size, 0
@@ -398,7 +399,7 @@ def _insert_jumps(search, beam, extension_count, branch_number, outcomes):  # ty
 
 @leaf_kernel
 def _repetition_cost(search, beam, branch, row):  # type: ignore[no-untyped-def]
-    """Return the cost, in ticks, of showing a row next in a branch, if it was on screen lately.
+    """Return the cost, in ticks, of repetition if a branch shows a row next.
 
     Of what was on screen before the search, any row of the stride from `row` on counts; of what the
     branch itself shows, the last row of that stride. search: `Search`.
@@ -413,7 +414,7 @@ def _repetition_cost(search, beam, branch, row):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def tick_row_shown(runs, last_run, row, tick):  # type: ignore[no-untyped-def]
-    """Return the last tick at which a branch of the search showed a row; NEVER if it did not.
+    """Return the last tick at which a branch showed a row; NEVER if it did not.
 
     runs: of all branches, dtype `RUN`; last_run: number of the branch's last one; tick: one past
     the last tick of the branch.

@@ -62,7 +62,9 @@ def search_graph(
 
 
 def _leg_ticks(is_jump_row: Mask, run: Ints, stride: int) -> Ints:
-    """Return how many ticks (n,) a leg has that begins at each row; see `SearchGraph.leg`.
+    """Return the duration (n,), in ticks, of the leg that begins at each row.
+
+    See `SearchGraph.leg`.
 
     is_jump_row (n,): whether jumps can replace the row; run (n,): ticks to where the film ends.
     """

@@ -103,7 +103,7 @@ class FilmSource:
 
 
 class PredictionSource:
-    """Moves a fish as the forecast predicts; its sampler comes from `remove_dead_ends`."""
+    """Moves a fish as the forecast predicts, row by row."""
 
     state = FORECAST
 

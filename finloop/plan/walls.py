@@ -101,10 +101,10 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
 
 @leaf_kernel
 def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """Return x, y px of about the nearest place at which a picture fits, and whether it fits there.
+    """Move a picture inside the tank; return its new x, y px, and whether it fits there.
 
-    picture: film row, or −1 − number of a sprite; heading: degrees. Without discs of the body it is
-    the nearest pixel at which every picture fits; with discs the picture is moved off the nearest
+    picture: film row, or −1 − number of a sprite; heading: degrees. Without discs of the body it
+    moves to the nearest pixel at which every picture fits; with discs it is moved off the nearest
     wall up to _PUSHES times.
     """
     if fits_in_tank(bounds, picture, x, y, heading):
