@@ -11,7 +11,7 @@
     poses = find_poses(tracks, features)            how every fish is bent
     jumps = find_jumps(reel, poses)                 which frames look and move alike
     forecast = train_forecast(features, poses, jumps, film.rate_hz)   the next pose and motion
-    shoaling = find_zones(features, film)           how its fish act on each other
+    school_rule = find_zones(features, film)        how its fish act on each other
     edit = steer(tracks, reel, model, similar, loops, jumps, gateways, poses, goals=[[0.2, 0.3]])
     write_video("fish.mp4", edit, tracks, reel, poses)
 
@@ -355,7 +355,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     poses: FilmPoses,
     forecast: Sampler | None = None,
     mode: str = "hybrid",
-    shoaling: SchoolRule | None = None,
+    school_rule: SchoolRule | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
     """Let fish swim to their goals; return the edit list: what is shown of each fish at each tick.
@@ -366,7 +366,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     their mirror images and, with a `forecast`, predictions). `changes` override the groups
     `animate`, for example goals=[[0.2, 0.3]] (shares of the tank's width and height) and
     seconds=30.0, and the mode's, for example join="inertial"; of matching also path="way.csv",
-    instead of goals, and fish=8. The other arguments are results of the other verbs; `shoaling`,
+    instead of goals, and fish=8. The other arguments are results of the other verbs; `school_rule`,
     from `find_zones`, is for rule="zones". FinloopError also if the film shows too little for the
     mode.
     """
@@ -397,7 +397,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     else:
         lines = load_path_lines(p["matching"], reel.features)
         matching_data = MatchingData(
-            assets, jumps.jumps, forecast, lines, film.facts.mm_per_px, shoaling
+            assets, jumps.jumps, forecast, lines, film.facts.mm_per_px, school_rule
         )
         animator = matching_animator(matching_data, merge_settings(common, p["matching"]))
     _, edit = animator.plan(animator.goals())

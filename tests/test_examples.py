@@ -74,12 +74,14 @@ def test_the_ten_lines_make_what_the_stages_make(animate_run, tiny, tmp_path, mo
         assert all(one in refused.value.wanted for one in MODES)
     with pytest.raises(FinloopError, match=r"hybrid\.path: unknown; it is matching\.path now"):
         verbs.steer(*made, path="way.csv")
+    with pytest.raises(FinloopError, match=r"the argument school_rule of steer\(\) now"):
+        verbs.steer(*made, mode="matching", shoaling=None)
     company = {"mode": "matching", "fish": 2, "rule": "zones", "seconds": 1.0}
     with pytest.raises(FinloopError, match="no zones for fish in a school"):
         verbs.steer(*made, **company)
     with pytest.warns(UserWarning, match="Couzin"):
-        shoaling = verbs.find_zones(names["features"], names["film"])
-    edit = verbs.steer(*made, shoaling=shoaling, **company)
+        school_rule = verbs.find_zones(names["features"], names["film"])
+    edit = verbs.steer(*made, school_rule=school_rule, **company)
     assert set(edit["fish"]) == {0, 1} and "company" in set(edit["goal"])
     given = names["features"], names["poses"], names["jumps"], names["film"].rate_hz
     with pytest.raises(FinloopError, match="rows with a past"):

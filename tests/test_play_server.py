@@ -12,7 +12,7 @@ from browser import chromium
 from conftest import wait_for
 from hostile import count_objects, hostile_messages
 from serving import serving
-from toy_film import shoaling
+from toy_film import school_rule
 from toy_tank import read, toy_players, view_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -453,7 +453,7 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         page.select_option("#lead", "0")
         wait("document.getElementById('refused').textContent.includes('fish 2 follows fish 1')")
         assert page.locator("#shoal").is_disabled()  # no zones are known
-        view.tank.shoaling = shoaling(Zones(0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 1.0))
+        view.tank.school_rule = school_rule(Zones(0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 1.0))
         wait("!document.getElementById('shoal').disabled")
         press("c", "state.fish[1].rule === -1 && state.refused === ''")
         page.click("#company summary")

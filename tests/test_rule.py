@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from toy_film import LENGTH, film_world_of, matching_of, planning, shoaling
+from toy_film import LENGTH, film_world_of, matching_of, planning, school_rule
 
 from finloop.animate.arena import make_tank
 from finloop.animate.rule import Rule
@@ -37,7 +37,7 @@ def water(rule="zones", fish=5, follow=(), overlap=False):
 
 
 def player_of(zones, **by):
-    return replace(matching_of(water(**by)), shoaling=shoaling(zones))
+    return replace(matching_of(water(**by)), school_rule=school_rule(zones))
 
 
 def planner_of(own_world):
@@ -46,7 +46,7 @@ def planner_of(own_world):
 
 def stepless():
     """A rule of a film whose tracks are too short for a step."""
-    none, rule = np.zeros(0, complex), shoaling(NEAR)
+    none, rule = np.zeros(0, complex), school_rule(NEAR)
     return replace(rule, steps=replace(rule.steps, wall=none, last=none, move=none, turn=none))
 
 
@@ -94,7 +94,7 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
     player = player_of(NEAR)
     rng = np.random.default_rng(0)
     state = player.begin(rng)
-    rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
+    rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.school_rule)
     places, ticks = [], 0
     while ticks < 60:
         stretch, state = player.plan(state, rule, rng)
@@ -109,7 +109,7 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
 
 
 def test_zones_that_nobody_knows_are_asked_for():
-    player = replace(player_of(NEAR), shoaling=None)
+    player = replace(player_of(NEAR), school_rule=None)
     with pytest.raises(FinloopError, match="no zones for fish in a school") as caught:
         swim_group(player, 10)
     assert "calibrate" in caught.value.do
@@ -119,7 +119,7 @@ def test_zones_that_nobody_knows_are_asked_for():
 def test_company_without_a_rule_is_refused_before_anything_is_planned(steps):
     player = player_of(NEAR)
     assert MatchingAnimator(player, None, 1.0, player.world.settings).goals() == []
-    player = replace(player, shoaling=stepless() if steps else None)
+    player = replace(player, school_rule=stepless() if steps else None)
     with pytest.raises(FinloopError, match="too short for the steps" if steps else "no zones"):
         MatchingAnimator(player, None, 1.0, player.world.settings).goals()
     alone = replace(player, world=water(fish=1))
@@ -231,7 +231,7 @@ def test_weights_are_changed_while_fish_swim():
     near.swim_in_group(None)
     far.swim_in_group(None)
     far.set_zone_weights((0.0, 0.0, 0.0))
-    assert far.shoaling.zones.weights == (0, 0, 0)
+    assert far.school_rule.zones.weights == (0, 0, 0)
     together, apart = (fish_by_row(tank, 300)[150:] for tank in (near, far))
     assert spread(together) < 0.6 * spread(apart)
 
@@ -242,11 +242,11 @@ def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again():
     tank.follow_leader(3, 1)
     fish_by_row(tank, 60)
     first = fish_by_row(tank, 80)
-    before = tank.shoaling
+    before = tank.school_rule
     tank.set_zone_weights((1.0, 1.0, 0.1))
     fish_by_row(tank, 20)
     tank.go_back_to(60)
-    assert tank.shoaling == before and tank.leaders == {4: 2}
+    assert tank.school_rule == before and tank.leaders == {4: 2}
     assert fish_by_row(tank, 80) == pytest.approx(first)
 
 
@@ -268,11 +268,11 @@ def test_company_of_which_nothing_is_known_or_without_steps_is_refused():
     weights = '{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}'
     for rule, said in ((None, "calibrate"), (stepless(), "too short")):
         view = TankView(live(), None, None)
-        view.tank.shoaling = rule
+        view.tank.school_rule = rule
         view.handle_request(parse_message('{"do": "rule", "fish": null, "leader": null}'))
         assert said in view.refused and view.tank.fish[0].rule_task is None
         view.handle_request(parse_message(weights))
-        assert (view.tank.shoaling is None) == (rule is None)
+        assert (view.tank.school_rule is None) == (rule is None)
 
 
 def test_a_follower_whose_leader_is_gone_wanders():

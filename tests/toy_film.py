@@ -386,7 +386,7 @@ def bodies_of(film_: MotionGraph) -> Bodies:
     )  # fmt: skip
 
 
-def shoaling(zones: Zones) -> SchoolRule:
+def school_rule(zones: Zones) -> SchoolRule:
     """Steps of about two body lengths ahead, and zones that change them."""
     turn = np.exp(1j * np.random.default_rng(1).normal(0, 0.5, 200))
     own = SocialSteps(np.full(200, 0.2 + 0j), np.full(200, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)

@@ -38,7 +38,7 @@ class AnyPlayer(Protocol):
         """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
 
     @property
-    def shoaling(self) -> SchoolRule | None:
+    def school_rule(self) -> SchoolRule | None:
         """Return how fish swim by zones; None if it is unknown."""
 
     @property

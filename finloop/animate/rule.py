@@ -12,12 +12,12 @@ BY_ZONES, FOLLOWING = "company", "leader"
 class Rule(NamedTuple):
     """A rule of swimming with other fish: behind a leader, or with all by zones.
 
-    others: places and headings of the other fish; shoaling: how fish swim by zones; leader: column
-    of the fish to follow; None: by zones.
+    others: places and headings of the other fish; school_rule: how fish swim by zones; leader:
+    column of the fish to follow; None: by zones.
     """
 
     others: OtherFish
-    shoaling: SchoolRule | None = None
+    school_rule: SchoolRule | None = None
     leader: int | None = None
 
     @property
@@ -26,9 +26,9 @@ class Rule(NamedTuple):
         return BY_ZONES if self.leader is None else FOLLOWING
 
     @classmethod
-    def by_zones(cls, poses: Reals, shoaling: SchoolRule) -> "Rule":
+    def by_zones(cls, poses: Reals, school_rule: SchoolRule) -> "Rule":
         """Return the rule to swim by zones with other fish; poses (n, 3): x, y px, heading."""
-        return cls(OtherFish(poses[:, :2], poses[:, 2]), shoaling)
+        return cls(OtherFish(poses[:, :2], poses[:, 2]), school_rule)
 
     @classmethod
     def to_follow(cls, pose: Reals) -> "Rule":

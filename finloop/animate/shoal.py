@@ -145,12 +145,12 @@ class SchoolMember:
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks, from the present
         one on.
         """
-        task, shoaling = self._task, self._player.shoaling
+        task, school_rule = self._task, self._player.school_rule
         if task.follows is not None and plans.has_planned(task.follows):
             return Rule.to_follow(plans.pose_at(task.follows, self.tick))
         if not (task.zones and other_plans.shape[1]):
             return None
-        return Rule.by_zones(other_plans[0, :, :3], require_rule(shoaling))
+        return Rule.by_zones(other_plans[0, :, :3], require_rule(school_rule))
 
 
 def settle_fish(player: AnyPlayer, tasks: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:

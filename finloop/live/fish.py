@@ -77,10 +77,10 @@ class PathTask(NamedTuple):
 class RuleTask(NamedTuple):
     """The task to swim by a rule: in a group, by zones, or behind a leader.
 
-    shoaling: the zones of the group. leader: the name of the fish in front.
+    school_rule: the zones of the group. leader: the name of the fish in front.
     """
 
-    shoaling: SchoolRule | None = None
+    school_rule: SchoolRule | None = None
     leader: str | None = None
 
 
@@ -374,9 +374,9 @@ class LiveFish:
         others = self._find_other_paths(self, self.born + self._state.fish.tick)
         if self.rule_task.leader in others:
             return Rule.to_follow(others[self.rule_task.leader][0])
-        if self.rule_task.shoaling is not None and others:
+        if self.rule_task.school_rule is not None and others:
             present = np.stack([path[0, :3] for path in others.values()])  # x, y px, heading deg
-            return Rule.by_zones(present, self.rule_task.shoaling)
+            return Rule.by_zones(present, self.rule_task.school_rule)
         return None
 
     def _note_arrival(self, last: DecisionRecord) -> None:

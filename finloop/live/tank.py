@@ -57,8 +57,8 @@ class LiveTank:
         self.players, self.mode, self.tick = players, mode, 0
         self._modes = Modes.from_players(players)
         # The rule for fish in a group, of the first mode that has one.
-        rules = (player.shoaling for player in players.values())
-        self.shoaling = next((rule for rule in rules if rule), None)
+        rules = (player.school_rule for player in players.values())
+        self.school_rule = next((rule for rule in rules if rule), None)
         self._too_unlike, self._rng, self._created = too_unlike, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
         self.set_fish_count(fish)
@@ -189,7 +189,7 @@ class LiveTank:
         mode of the paper.
         """
         self._refuse_in_paper_modes("company")
-        rule = require_rule(self.shoaling)
+        rule = require_rule(self.school_rule)
         for fish in self._select_fish(fish_index):
             fish.follow_rule(RuleTask(rule))
 
@@ -232,14 +232,14 @@ class LiveTank:
 
         Nothing changes if the film gives no rule for a group.
         """
-        if self.shoaling is None:
+        if self.school_rule is None:
             return
         names = ("repulsion_weight", "alignment_weight", "attraction_weight")
-        zones = replace(self.shoaling.zones, **dict(zip(names, weights, strict=True)))
-        self.shoaling = replace(self.shoaling, zones=zones)
+        zones = replace(self.school_rule.zones, **dict(zip(names, weights, strict=True)))
+        self.school_rule = replace(self.school_rule, zones=zones)
         for fish in self.fish:
-            if fish.rule_task is not None and fish.rule_task.shoaling is not None:
-                fish.rule_task = RuleTask(self.shoaling)
+            if fish.rule_task is not None and fish.rule_task.school_rule is not None:
+                fish.rule_task = RuleTask(self.school_rule)
 
     def explain_unavailable_mode(self, mode: str) -> str:
         """Return why the tank cannot switch to a mode now; "" if it can."""
@@ -282,8 +282,8 @@ class LiveTank:
         for fish in self.fish:
             fish.go_back_to(self.tick)
         self.mode = self.fish[0].mode  # all fish have the same one
-        rules = [fish.rule_task.shoaling for fish in self.fish if fish.rule_task is not None]
-        self.shoaling = next((rule for rule in rules if rule is not None), self.shoaling)
+        rules = [fish.rule_task.school_rule for fish in self.fish if fish.rule_task is not None]
+        self.school_rule = next((rule for rule in rules if rule is not None), self.school_rule)
 
 
 def _paper_error(request: str, mode: str) -> FinloopError:

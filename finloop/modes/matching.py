@@ -37,7 +37,7 @@ class MatchingData(NamedTuple):
 
     assets: what the modes share; jumps: columns of `JUMPS`; forecast: the sampler of predictions,
     None where the film shows too little for one; lines: the path of each of the first fish, None
-    for a fish without one; shoaling: how fish swim by zones; sprite_rows (s,): the film's row
+    for a fish without one; school_rule: how fish swim by zones; sprite_rows (s,): the film's row
     behind each sprite, from which a fish of another mode goes on.
     """
 
@@ -46,7 +46,7 @@ class MatchingData(NamedTuple):
     forecast: Sampler | None = None
     lines: Sequence[Line | None] = ()
     mm_per_px: float | None = None
-    shoaling: SchoolRule | None = None
+    school_rule: SchoolRule | None = None
     sprite_rows: Ints = NO_SPRITES
 
 
@@ -80,7 +80,7 @@ class MatchingAnimator(Animator):
         at the same time, or fish are to swim by zones and no rule for it is known.
         """
         if self.p.rule == "zones" and self.fish_count > 1:
-            require_rule(self.player.shoaling)
+            require_rule(self.player.school_rule)
         if not self.seekers:
             return []
         goals = super().goals()
@@ -155,8 +155,8 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     )  # fmt: skip
     film_source, prediction_source = _motion_sources(world, film_data.forecast, rarity, joins)
     player = Planner(
-        world, film_source, prediction_source, silhouettes, joins, shoaling=film_data.shoaling,
-        sprite_rows=film_data.sprite_rows,
+        world, film_source, prediction_source, silhouettes, joins, film_data.school_rule,
+        film_data.sprite_rows,
     )  # fmt: skip
     paths = tuple(
         None if line is None else lay_path(line, world.tank, motion, film_data.mm_per_px)

@@ -66,7 +66,7 @@ class PaperPlayer:
     silhouettes: Silhouettes
     joins: JoinRules
 
-    shoaling = None
+    school_rule = None
     most_fish = 1
 
     @cached_property

@@ -78,6 +78,7 @@ class MatchingSettings:
         "path_correction": "path_max_correction_ratio",
         "path_left": "path_max_offset_bl",
         "typical_speed_quantile": "expected_speed_quantile",
+        "shoaling": "it is the argument school_rule of steer() now",
     }
 
 

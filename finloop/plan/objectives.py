@@ -218,11 +218,11 @@ def place_by_rule(
         angle = np.radians(rule.others.headings_deg[rule.leader])
         x, y = rule.others.places[rule.leader] - length * np.array([np.cos(angle), -np.sin(angle)])
         return np.array(world.tank.nearest_legal_point(float(x), float(y))), 0
-    shoaling = rule.shoaling
-    assert shoaling is not None
-    last_step_bl = fish.speed * shoaling.horizon / world.motion.rate_hz  # in `horizon` ticks
+    school_rule = rule.school_rule
+    assert school_rule is not None
+    last_step_bl = fish.speed * school_rule.horizon / world.motion.rate_hz  # in `horizon` ticks
     decider = DecidingFish(fish.x, fish.y, fish.heading, last_step_bl)
-    place = next_place_in_school(decider, rule.others, shoaling, world.walls, rng)
+    place = next_place_in_school(decider, rule.others, school_rule, world.walls, rng)
     if place is None:
         return None
-    return np.array(world.tank.nearest_legal_point(*place)), shoaling.horizon
+    return np.array(world.tank.nearest_legal_point(*place)), school_rule.horizon

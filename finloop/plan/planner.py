@@ -57,9 +57,9 @@ class Planner:
     """Moves fish in mode `matching`.
 
     world: tank and film; film, prediction: motion sources, at least one of them; silhouettes:
-    outlines of all pictures; joins: how pictures are joined; shoaling: how fish swim by zones, None
-    where the film shows none; sprite_rows (s,): the film's row behind each sprite, from which a
-    fish of another mode goes on.
+    outlines of all pictures; joins: how pictures are joined; school_rule: how fish swim by zones,
+    None where the film shows none; sprite_rows (s,): the film's row behind each sprite, from which
+    a fish of another mode goes on.
     """
 
     world: FilmWorld
@@ -67,7 +67,7 @@ class Planner:
     prediction: MotionSource | None
     silhouettes: Silhouettes
     joins: JoinRules
-    shoaling: SchoolRule | None
+    school_rule: SchoolRule | None
     sprite_rows: Ints
 
     most_fish = None

@@ -128,18 +128,18 @@ class SchoolRule:
     similar_steps: int
 
 
-def require_rule(shoaling: SchoolRule | None) -> SchoolRule:
+def require_rule(school_rule: SchoolRule | None) -> SchoolRule:
     """Return a school's rule unchanged; FinloopError if it is None or has no steps."""
-    if shoaling is None or not len(shoaling.steps.move):
+    if school_rule is None or not len(school_rule.steps.move):
         raise FinloopError(
             "there are no zones for fish in a school"
-            if shoaling is None
+            if school_rule is None
             else "the film's tracks are too short for the steps of fish in a school",
             "zones, and steps of a film that shows a fish in three consecutive frames",
             "make them (dvc repro calibrate; in Python find_zones, for "
-            "steer(…, shoaling=…)), film longer, or take another rule (matching.rule)",
+            "steer(…, school_rule=…)), film longer, or take another rule (matching.rule)",
         )
-    return shoaling
+    return school_rule
 
 
 class OtherFish(NamedTuple):
@@ -159,7 +159,7 @@ class DecidingFish(NamedTuple):
 
 
 def next_place_in_school(
-    fish: DecidingFish, others: OtherFish, shoaling: SchoolRule, walls: Walls,
+    fish: DecidingFish, others: OtherFish, school_rule: SchoolRule, walls: Walls,
     rng: np.random.Generator,
 ) -> tuple[float, float] | None:  # fmt: skip
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
@@ -173,13 +173,13 @@ def next_place_in_school(
     )
     group = complex_vectors(others.places, others.headings_deg, walls.length)
     pulls = pull_of_others(
-        relative_neighbours(place[:, None], heading[:, None], *group), shoaling.zones
+        relative_neighbours(place[:, None], heading[:, None], *group), school_rule.zones
     )
     if pulls[0] == 0:
         return None
-    steps, last = shoaling.steps, np.array([fish.last + 0j])
+    steps, last = school_rule.steps, np.array([fish.last + 0j])
     moves, _ = steps.sample_similar_steps(
-        walls.vectors_from_wall(place, heading), last, shoaling.similar_steps, rng
+        walls.vectors_from_wall(place, heading), last, school_rule.similar_steps, rng
     )
     ends = place + heading * (moves[0] + steps.move_per_pull * pulls)
     inside = walls.is_inside(ends)
