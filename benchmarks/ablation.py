@@ -37,7 +37,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "no cost of seams": {"discontinuity_cost": 0.0},
     "no cost of repeats": {"repeat_cost": 0.0},
     "no cost of rare steps": {"rarity_weight": 0.0},
-    "no cost of lagging": {"lag_cost": 0.0, "path_lag_cost": 0.0},
+    "no cost of lagging": {"rest_cost": 0.0, "path_rest_cost": 0.0},
     "no random choice": {"choice_noise": 1e-6},
     "no predictions": {"uses": ("film",)},
     "predictions alone": {"uses": ("forecast",)},

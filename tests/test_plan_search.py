@@ -311,7 +311,7 @@ def test_a_fish_that_wanders_searches_with_the_whole_beam_where_few_branches_fin
 
 
 WEIGHT_OF = {
-    SEAM: "discontinuity_cost", REPEAT: "repeat_cost", RARITY: "rarity_weight", LAG: "lag_cost",
+    SEAM: "discontinuity_cost", REPEAT: "repeat_cost", RARITY: "rarity_weight", LAG: "rest_cost",
 }  # fmt: skip
 
 

@@ -80,7 +80,7 @@ GONE = {
     ),
     **{old: f"it is matching.{new} now" for old, new in {
         "rare": "rarity_weight", "again": "repeat_cost", "free": "choice_noise",
-        "brisk": "expected_speed_quantile", "seam": "discontinuity_cost", "tempo": "lag_cost",
+        "brisk": "expected_speed_quantile", "seam": "discontinuity_cost", "tempo": "rest_cost",
         "path_share": "path_max_correction_ratio", "path_across": "path_offset_cost",
         "path_late": "path_late_cost", "path_beam": "beam", "path_stride": "search_step_deltas",
         "path_again": "repeat_cost", "path_ahead": "look_ahead_deltas",
@@ -88,7 +88,7 @@ GONE = {
     **{old: f"it is a constant now, MatchingSettings.{new}" for old, new in {
         "brisk_least": "expected_speed_least", "memory": "repeat_memory",
         "path_reach": "path_steer_ahead", "path_effort": "path_correction_cost",
-        "path_pace": "path_lag_cost", "path_heading": "path_heading_cost",
+        "path_pace": "path_rest_cost", "path_heading": "path_heading_cost",
         "path_plan": "path_commit",
     }.items()},
 }  # fmt: skip

@@ -31,7 +31,7 @@ class MatchingSettings:
     discontinuity_cost: NotNegative
     repeat_cost: NotNegative
     rarity_weight: NotNegative
-    lag_cost: NotNegative
+    rest_cost: NotNegative
     choice_noise: Positive
 
     path: Annotated[str | list[str | None] | None, "file, track, list of these, or null"]
@@ -62,7 +62,7 @@ class MatchingSettings:
     path_correction_cost: ClassVar[float] = 0.1
     """Cost of the largest steering correction, ticks a tick: of branches as near to the path, the
     one that swims more as filmed is taken."""
-    path_lag_cost: ClassVar[float] = 1.0
+    path_rest_cost: ClassVar[float] = 1.0
     """Cost of a tick on the spot, in ticks, on a path without times, for a fish that lags as far as
     usual: the tick itself, which counts nowhere else there."""
 
@@ -78,6 +78,7 @@ class MatchingSettings:
         "path_correction": "path_max_correction_ratio",
         "path_left": "path_max_offset_bl",
         "typical_speed_quantile": "expected_speed_quantile",
+        "lag_cost": "rest_cost",
         "shoaling": "it is the argument school_rule of steer() now",
     }
 

@@ -129,7 +129,7 @@ class Planner:
             film_rad = np.arctan2(-previews["dy"], previews["dx"])
             rotations_deg = np.asarray(wrap_deg(np.degrees(route_rad - film_rad)), float)
         candidates = make_candidates(sampled, rotations_deg, seams=np.zeros(n))
-        rest_cost = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_lag_cost)
+        rest_cost = self.world.tempo.cost_of_rest_on_path(0.0, self.world.settings.path_rest_cost)
         nothing_shown = np.zeros((0, 3), np.int64)
         tick_before = route.begins - 1
         start = SearchStart(x, y, tick_before, recent=nothing_shown, rest_cost=rest_cost)
@@ -491,8 +491,8 @@ class Planner:
         """Return what every tick on the spot costs a fish, in ticks; < 0 only where it wanders."""
         tempo, p = self.world.tempo, self.world.settings
         if len(objective.route.x):
-            return tempo.cost_of_rest_on_path(fish.lag, p.path_lag_cost)
-        cost = tempo.cost_of_rest(fish.lag, p.lag_cost)
+            return tempo.cost_of_rest_on_path(fish.lag, p.path_rest_cost)
+        cost = tempo.cost_of_rest(fish.lag, p.rest_cost)
         return cost if objective.aim.free else max(cost, 0.0)
 
     # --- what plans are made of
