@@ -10,7 +10,6 @@ import toy_film as toy
 
 from finloop.animate import measures
 from finloop.animate.arena import is_legal_point, make_tank
-from finloop.animate.company import Discs
 from finloop.animate.kinematics import rotate
 from finloop.animate.memory import (
     NEVER,
@@ -20,6 +19,7 @@ from finloop.animate.memory import (
     mark_rows,
     remember_rows,
 )
+from finloop.animate.obstacles import Discs
 from finloop.animate.silhouettes import FilmOutlines, FrameOutlines
 from finloop.animate.size import measure_reach
 from finloop.animate.state import Fish, State

@@ -8,9 +8,9 @@ import pytest
 from toy_film import HULL, LENGTH, film_world_of, matching_of, open_tank
 
 from finloop.animate.arena import is_legal_point, make_tank
-from finloop.animate.company import cover_with_discs
 from finloop.animate.encounters import place_outline
 from finloop.animate.kinematics import Target
+from finloop.animate.obstacles import cover_with_discs
 from finloop.plan.walls import fits_in_tank, keep_inside, push_inside, tank_bounds
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])

@@ -439,13 +439,13 @@ def test_a_fish_swims_by_its_plan_alone_and_beside_others_that_are_not_in_its_wa
     run, _ = planner.plan(state, route, rng)
     assert run.options is None
     clear = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
-    beside = planner.with_company(state, clear[:, None])
-    assert beside.fish.company.near_count == 1
+    beside = planner.with_obstacles(state, clear[:, None])
+    assert beside.fish.obstacles.near_count == 1
     found, _ = planner.plan(beside, route, rng)
     assert found.options is None and np.array_equal(found.trajectory, run.trajectory)
     # A fish in the way: the run is cut before it, and the next plan begins anew.
     ahead = np.append(run.trajectory[-1], run.number[-1])
-    found, cut = planner.plan(planner.with_company(state, ahead[None, None]), route, rng)
+    found, cut = planner.plan(planner.with_obstacles(state, ahead[None, None]), route, rng)
     assert len(found.trajectory) < len(run.trajectory) or found.decision.reason == WAITING
     assert cut.progress.runs == ()
 

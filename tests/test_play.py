@@ -24,7 +24,7 @@ from toy_tank import played_rows, read, resting_players, toy_players, view_of
 from finloop.animate import kinematics as step
 from finloop.animate.arena import is_legal_point
 from finloop.animate.arena import make_tank as arena_tank
-from finloop.animate.company import Plans
+from finloop.animate.obstacles import Plans
 from finloop.animate.shoal import animate_fish
 from finloop.base.errors import FinloopError
 from finloop.edit.build import build_edit_list
@@ -654,5 +654,5 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
             last = fish.decision_at(tank.tick)
             paths = [one.planned_path_from(last.tick) for one in tank.fish if one is not fish]
             others = Plans.from_paths(paths, last.tick).others(-1, last.tick)
-            state = player.with_company(last.state, others)
+            state = player.with_obstacles(last.state, others)
             assert player.is_clear(state._replace(fish=last.state.fish), last.stretch)

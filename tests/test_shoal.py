@@ -24,7 +24,6 @@ import stages.plots.render
 import stages.render
 from finloop.animate import encounters
 from finloop.animate.arena import make_tank
-from finloop.animate.company import Plans, can_stay
 from finloop.animate.encounters import (
     count_overlaps,
     do_outlines_overlap,
@@ -32,6 +31,7 @@ from finloop.animate.encounters import (
     place_outline,
 )
 from finloop.animate.kinematics import Target
+from finloop.animate.obstacles import Plans, can_stay
 from finloop.animate.paths import lay_path
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import (
@@ -158,11 +158,11 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     def with_neighbours(fish, gap):
         sides = [np.array([[x + side, y, 90.0, first.picture]]) for side in (-gap, gap)]
         others = Plans.from_paths(sides, fish.tick).others(-1, fish.tick)
-        return fish._replace(company=player.others_to_avoid(others, fish.tick))
+        return fish._replace(obstacles=player.others_to_avoid(others, fish.tick))
 
     def free(gap):
         return can_stay(
-            with_neighbours(first, gap).company, first.picture, np.array([x, y, 90.0]), 0
+            with_neighbours(first, gap).obstacles, first.picture, np.array([x, y, 90.0]), 0
         )
 
     gap, ways = 0.1 + next(gap for gap in np.arange(10.0, 20.0, 0.1) if free(gap)), []

@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from finloop.animate.company import Company
+from finloop.animate.obstacles import Obstacles
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.silhouettes import Silhouettes
@@ -46,17 +46,17 @@ class AnyPlayer(Protocol):
         """Return the most fish that a tank may hold; None: any number."""
 
     def begin(
-        self, rng: np.random.Generator, route: Route | None = ..., company: Company = ...
+        self, rng: np.random.Generator, route: Route | None = ..., obstacles: Obstacles = ...
     ) -> State:
         """Return the state of a fish at the beginning of a route, else at a random place."""
 
-    def others_to_avoid(self, other_plans: Floats, tick: int) -> Company:
+    def others_to_avoid(self, other_plans: Floats, tick: int) -> Obstacles:
         """Return the other fish as obstacles for a fish that decides at `tick`.
 
         other_plans (n, m, 4): x, y px, heading, picture of m others in n ticks, from `tick` on.
         """
 
-    def with_company(self, state: State, other_plans: Floats) -> State:
+    def with_obstacles(self, state: State, other_plans: Floats) -> State:
         """Return the state in which the fish knows the others' present plans, and no older ones.
 
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.

@@ -1,6 +1,6 @@
 """Several fish of one tank, planned together: the one whose plan ends first decides next.
 
-A fish that decides knows what every other one has planned (`finloop.animate.company`), and keeps
+A fish that decides knows what every other one has planned (`finloop.animate.obstacles`), and keeps
 clear of it. Fish whose plans end at the same tick decide in the order of their numbers. Each draws
 from a generator of its own, so that fish that never meet swim as each would alone.
 """
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.company import Plans, can_stay
+from finloop.animate.obstacles import Plans, can_stay
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
@@ -90,14 +90,14 @@ class SchoolMember:
         """
         self._player, self._task, self._route = player, task, task.route
         self._number = number
-        company = player.others_to_avoid(plans.others(number, 0), 0)
-        self._state = player.begin(task.rng, task.route, company)
+        obstacles = player.others_to_avoid(plans.others(number, 0), 0)
+        self._state = player.begin(task.rng, task.route, obstacles)
         self.swim = Swim([], [], np.full(len(task.goals), -1))
         self._reached = 0  # goals
         fish = self._state.fish
         pose = np.array([fish.x, fish.y, fish.heading, fish.picture])
-        if task.route is not None and not can_stay(company, fish.picture, pose[:3], 0):
-            others = company.places[0, :, :2] - pose[:2]
+        if task.route is not None and not can_stay(obstacles, fish.picture, pose[:3], 0):
+            others = obstacles.places[0, :, :2] - pose[:2]
             near = plans.fish_in_column(number, int(np.hypot(*others.T).argmin()))
             raise FinloopError(
                 f"matching.path begins fish {number + 1} on fish {near + 1}, at "
@@ -116,7 +116,7 @@ class SchoolMember:
         """Plan the fish's next stretch, clear of the others' plans, and add it to `plans`."""
         start_tick, others = self.tick, plans.others(self._number, self.tick)
         goal = self._next_goal() or self._next_rule(plans, others)
-        state = self._player.with_company(self._state, others)
+        state = self._player.with_obstacles(self._state, others)
         stretch, self._state = self._player.plan(state, goal, self._task.rng)
         plans.put(self._number, start_tick, stretch.path_and_pictures)
         # What the animation says of it; a goal that the stretch touches at its end is reached.

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.arena import FilmHulls
-from finloop.animate.company import Discs, Outlines, cover_with_discs
+from finloop.animate.obstacles import Discs, Outlines, cover_with_discs
 from finloop.base.arrays import Floats, Reals
 from finloop.base.kernel import kernel
 from finloop.base.parallel import map_row_blocks

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from finloop.animate.company import ALONE, Company
+from finloop.animate.obstacles import NO_OBSTACLES, Obstacles
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import FILM, TURN
 
@@ -20,7 +20,7 @@ class Fish(NamedTuple):
     rotation_deg, of its picture; since, ticks since the last jump, or since the film was left;
     recent (m, 3): stretches of film that were on screen (`finloop.animate.memory`). When predicted:
     past (L + 1, d), its last states, the present one first (`finloop.forecast.sampling`). lag:
-    ticks that it lags behind the film (`Tempo`). company: where the other fish will be, for the
+    ticks that it lags behind the film (`Tempo`). obstacles: where the other fish will be, for the
     present decision alone.
     """
 
@@ -39,7 +39,7 @@ class Fish(NamedTuple):
     recent: Ints = _NOTHING
     past: Floats | None = None
     lag: float = 0.0
-    company: Company = ALONE
+    obstacles: Obstacles = NO_OBSTACLES
 
     @property
     def is_bent(self) -> bool:

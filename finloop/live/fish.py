@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.company import Company, Plans
+from finloop.animate.obstacles import Obstacles, Plans
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.route import Route, point_along
 from finloop.animate.rule import Rule
@@ -198,7 +198,7 @@ class LiveFish:
         self._modes, self._rng = modes, rng
         self._too_unlike, self._find_other_paths = too_unlike, other_paths
         self._state = self._player.begin(
-            rng, company=self._player.others_to_avoid(self._other_paths(0), 0)
+            rng, obstacles=self._player.others_to_avoid(self._other_paths(0), 0)
         )
         self._drag_ticks = max(1, int(_DRAG_S * self._player.world.motion.rate_hz))
         # The last `HISTORY` ticks, each at its number modulo `HISTORY`.
@@ -408,7 +408,7 @@ class LiveFish:
             pass
         self.mode, self._state = decision.mode, decision.state
         self._rng.bit_generator.state = decision.rng_state
-        self._plan_stretch(decision.goal, decision.state.fish.company)
+        self._plan_stretch(decision.goal, decision.state.fish.obstacles)
         # Its motion has been played up to this tick.
         self._played = tick - decision.tick + 1
         # The plan has a second picture at this tick; if it was drawn with weight 0, it was hidden.
@@ -445,17 +445,19 @@ class LiveFish:
             self._rng.bit_generator.state = rng_state
 
     def _plan_stretch(
-        self, goal: Goal | Route | Rule | None, company: Company | None = None
+        self, goal: Goal | Route | Rule | None, obstacles: Obstacles | None = None
     ) -> None:
         """Plan the next motion towards a goal, along a path or by a rule, and remember it.
 
-        goal: None: the fish wanders. company: the other fish as an earlier decision knew them;
+        goal: None: the fish wanders. obstacles: the other fish as an earlier decision knew them;
         None: as they are now.
         """
-        if company is None:
-            state = self._player.with_company(self._state, self._other_paths(self._state.fish.tick))
+        if obstacles is None:
+            state = self._player.with_obstacles(
+                self._state, self._other_paths(self._state.fish.tick)
+            )
         else:
-            state = self._state._replace(fish=self._state.fish._replace(company=company))
+            state = self._state._replace(fish=self._state.fish._replace(obstacles=obstacles))
         rng_state = self._rng.bit_generator.state
         stretch, self._state = self._player.plan(state, goal, self._rng)
         first_tick = self.born + state.fish.tick

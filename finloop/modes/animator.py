@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import make_tank, place_goals
-from finloop.animate.company import Plans
 from finloop.animate.motion import MotionStatistics
+from finloop.animate.obstacles import Plans
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.settings import AnimateSettings

@@ -6,8 +6,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from finloop.animate.company import ALONE, Company
 from finloop.animate.kinematics import Target
+from finloop.animate.obstacles import NO_OBSTACLES, Obstacles
 from finloop.animate.places import random_wander_place
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
@@ -84,7 +84,10 @@ class PaperPlayer:
         )  # fmt: skip
 
     def begin(
-        self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
+        self,
+        rng: np.random.Generator,
+        route: Route | None = None,
+        obstacles: Obstacles = NO_OBSTACLES,
     ) -> State:
         """Return the state of a fish at a random place; FinloopError if given a route."""
         if route is not None:
@@ -95,11 +98,11 @@ class PaperPlayer:
             )
         return State(self.mode.begin(rng), np.zeros(2))
 
-    def others_to_avoid(self, other_plans: Floats, tick: int) -> Company:
+    def others_to_avoid(self, other_plans: Floats, tick: int) -> Obstacles:
         """Return no other fish: in the paper's modes a fish is alone."""
-        return ALONE
+        return NO_OBSTACLES
 
-    def with_company(self, state: State, other_plans: Floats) -> State:
+    def with_obstacles(self, state: State, other_plans: Floats) -> State:
         """Return the state unchanged: the paper's modes ignore other fish."""
         return state
 

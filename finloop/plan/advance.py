@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.company import is_clear_in_search
 from finloop.animate.kinematics import (
     Target,
     offset_point,
@@ -14,6 +13,7 @@ from finloop.animate.kinematics import (
     wrap,
 )
 from finloop.animate.memory import mark_rows
+from finloop.animate.obstacles import is_clear_in_search
 from finloop.animate.route import (
     Route,
     due_along,
@@ -288,7 +288,7 @@ def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
         cost = path_tick_cost(route, pose, nearest, corrections, end_tick, steering) * ticks
     if not fits_in_tank(graph.bounds, end_row, x, y, heading):
         return False
-    if not is_clear_in_search(start.company, end_row, x, y, heading, end_tick):
+    if not is_clear_in_search(start.obstacles, end_row, x, y, heading, end_tick):
         return False
     branch.x, branch.y, branch.along_px = x, y, along_px
     if route.x.size:

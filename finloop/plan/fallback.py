@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from finloop.animate.company import count_lasting_ticks
 from finloop.animate.kinematics import Target, bearing, turn_towards_aim, wrap
+from finloop.animate.obstacles import count_lasting_ticks
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel
@@ -65,7 +65,7 @@ class Fallback:
             inside = self._part_inside_tank(stretch)
             kept = inside or self._stay_at_wall(fish, Target(*stretch.aim))
             stretch = replace(kept, decision=stretch.decision, options=stretch.options)
-        company, others = fish.company, fish.company.places[0]  # where the others are now
+        obstacles, others = fish.obstacles, fish.obstacles.places[0]  # where the others are now
         if not len(others):
             return stretch
         ticks = self.count_free_ticks(fish, stretch)
@@ -73,7 +73,7 @@ class Fallback:
             return stretch.cut(ticks)
         distances = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
         nearest = int(distances.argmin())
-        if ticks and distances[nearest] >= 2 * company.discs.reach:  # too far away to touch
+        if ticks and distances[nearest] >= 2 * obstacles.discs.reach:  # too far away to touch
             return stretch.cut(ticks)
         return self._move_aside(fish, *others[nearest, :2].tolist())
 
@@ -94,7 +94,7 @@ class Fallback:
 
         fish: at the beginning of the stretch.
         """
-        return count_lasting_ticks(fish.company, stretch.pictures, stretch.trajectory, fish.tick)
+        return count_lasting_ticks(fish.obstacles, stretch.pictures, stretch.trajectory, fish.tick)
 
     def _part_inside_tank(self, stretch: Stretch) -> Stretch | None:
         """Return the part of a stretch before it leaves the tank; None if no tick is inside.

@@ -14,9 +14,15 @@ from functools import cached_property
 
 import numpy as np
 
-from finloop.animate.company import ALONE, Company, can_stay, make_company, sort_near_first
 from finloop.animate.kinematics import Target, bearing, touches_target, wrap
 from finloop.animate.memory import remember_rows
+from finloop.animate.obstacles import (
+    NO_OBSTACLES,
+    Obstacles,
+    can_stay,
+    make_obstacles,
+    sort_near_first,
+)
 from finloop.animate.places import random_wander_place
 from finloop.animate.route import Route, find_nearest_on_route, nearest_search_start, point_along
 from finloop.animate.rule import Rule
@@ -88,7 +94,10 @@ class Planner:
     # --- where a fish begins, and which others it knows
 
     def begin(
-        self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
+        self,
+        rng: np.random.Generator,
+        route: Route | None = None,
+        obstacles: Obstacles = NO_OBSTACLES,
     ) -> State:
         """Return the state of a fish at a random place, clear of the walls and of the other fish.
 
@@ -103,9 +112,9 @@ class Planner:
             fish = fish._replace(state=source.state)
             pose = np.array([fish.x, fish.y, fish.heading])
             fits_in = fits_in_tank(self.world.bounds, fish.picture, *pose)
-            if fits_in and can_stay(company, fish.picture, pose, fish.tick):
+            if fits_in and can_stay(obstacles, fish.picture, pose, fish.tick):
                 return State(fish, np.zeros(2))
-        others = company.places.shape[1]
+        others = obstacles.places.shape[1]
         raise NoRoom(
             f"in the tank there is no room for another fish beside {others}",
             f"at most {others} fish",
@@ -156,7 +165,7 @@ class Planner:
         assert source is not None
         return source
 
-    def others_to_avoid(self, other_plans: Floats, tick: int) -> Company:
+    def others_to_avoid(self, other_plans: Floats, tick: int) -> Obstacles:
         """Return the other fish as obstacles for a fish that decides at `tick`.
 
         There are none where fish may overlap. other_plans (n, m, 4): x, y px, heading, picture of m
@@ -165,24 +174,24 @@ class Planner:
         """
         p = self.world.settings
         if p.overlap or not other_plans.shape[1]:
-            return ALONE
-        return make_company(
+            return NO_OBSTACLES
+        return make_obstacles(
             other_plans, tick, self.silhouettes.discs, ticks_after=self.world.to_ticks(p.give_way)
         )
 
-    def with_company(self, state: State, other_plans: Floats) -> State:
+    def with_obstacles(self, state: State, other_plans: Floats) -> State:
         """Return the state in which the fish knows these other fish, instead of those it knew.
 
         Those near enough to be met come first. other_plans (n, m, 4): x, y px, heading, picture of
         m others in n ticks, from the fish's present tick on.
         """
         fish = state.fish
-        company = self.others_to_avoid(other_plans, fish.tick)
-        if company.near_count:  # until it is sorted, all others count as near
-            company = sort_near_first(company, fish.x, fish.y, self.world.farthest_px)
-        if company is fish.company:  # no others, before and now: both are `ALONE`
+        obstacles = self.others_to_avoid(other_plans, fish.tick)
+        if obstacles.near_count:  # until it is sorted, all others count as near
+            obstacles = sort_near_first(obstacles, fish.x, fish.y, self.world.farthest_px)
+        if obstacles is fish.obstacles:  # no others, before and now: both are `NO_OBSTACLES`
             return state
-        return state._replace(fish=fish._replace(company=company))
+        return state._replace(fish=fish._replace(obstacles=obstacles))
 
     # --- what comes next
 
@@ -431,7 +440,7 @@ class Planner:
         has others near it. Where one that wanders alone finds no branch that leads on, but branches
         were dropped from the beam, the search is repeated with the whole beam.
         """
-        is_alone, on_path = not start.company.near_count, len(objective.route.x) > 0
+        is_alone, on_path = not start.obstacles.near_count, len(objective.route.x) > 0
         wanders = objective.aim.free and not on_path
         weights = self._narrow_weights if wanders or not is_alone else self._weights
         horizon = self._ticks_between_searches(objective) + self._look_ahead_ticks

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.company import ALONE, Company, is_clear_in_search
 from finloop.animate.kinematics import wrap
 from finloop.animate.memory import (
     NEVER,
@@ -21,6 +20,7 @@ from finloop.animate.memory import (
     last_on_screen,
     mark_rows,
 )
+from finloop.animate.obstacles import NO_OBSTACLES, Obstacles, is_clear_in_search
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.edit.schema import TERMS, VERDICTS
@@ -66,7 +66,7 @@ class SearchStart(NamedTuple):
     """Where and when a candidate would be shown, what was on screen before, and the other fish.
 
     x, y: px; recent (m, 3): stretches of film that were on screen, (first row, last row, tick of
-    the first); company: the other fish; rest_cost: ticks that every tick on the spot costs;
+    the first); obstacles: the other fish; rest_cost: ticks that every tick on the spot costs;
     along_px: px along the fish's path.
     """
 
@@ -74,7 +74,7 @@ class SearchStart(NamedTuple):
     y: float
     tick: int
     recent: Ints
-    company: Company = ALONE
+    obstacles: Obstacles = NO_OBSTACLES
     rest_cost: float = 0.0
     along_px: float = 0.0
 
@@ -290,7 +290,7 @@ def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
         film_row = graph.film.rows[row]
         heading = film_row.heading + candidates.rotations_deg[k]
         is_free = fits_in_tank(graph.bounds, row, x, y, heading)
-        is_free = is_free and is_clear_in_search(start.company, row, x, y, heading, start.tick)
+        is_free = is_free and is_clear_in_search(start.obstacles, row, x, y, heading, start.tick)
         if film_row.recurrent and is_free:
             branch, run = beam.branches[branch_count], beam.runs[branch_count]
             branch.x, branch.y, branch.along_px, branch.row = x, y, start.along_px, row

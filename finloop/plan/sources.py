@@ -198,7 +198,7 @@ def _search_start(
     rest_cost: ticks that a tick on the spot costs; along_px: px along the path. The other fish are
     known from `fish.tick` + 1 on, the first tick of the next stretch.
     """
-    company = fish.company
-    if company.near_count:
-        company = company._replace(start=company.start + 1, until=company.until + 1)
-    return SearchStart(x, y, tick, fish.recent, company, rest_cost, along_px)
+    obstacles = fish.obstacles
+    if obstacles.near_count:
+        obstacles = obstacles._replace(start=obstacles.start + 1, until=obstacles.until + 1)
+    return SearchStart(x, y, tick, fish.recent, obstacles, rest_cost, along_px)

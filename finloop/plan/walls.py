@@ -1,7 +1,7 @@
 """Whether a picture that is shown at a place is inside the tank, compiled.
 
 Far from the walls every picture is, at every heading. Near them each disc of the body
-(`finloop.animate.company`) must be at least its radius from the wall. So a fish can swim along a
+(`finloop.animate.obstacles`) must be at least its radius from the wall. So a fish can swim along a
 wall as near as the film's fish do, but cannot turn its side into it.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.arena import Tank
-from finloop.animate.company import NO_DISCS, Discs, disc_orientation
+from finloop.animate.obstacles import NO_DISCS, Discs, disc_orientation
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from finloop.animate.company import NO_DISCS, Discs
+from finloop.animate.obstacles import NO_DISCS, Discs
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.features.table import wrap_deg

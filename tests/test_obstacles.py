@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from toy_film import HULL, crowd_player, film_world_of, matching_of, narrow_tank
 
-from finloop.animate.company import (
-    ALONE,
+from finloop.animate.encounters import do_outlines_overlap, place_outline
+from finloop.animate.kinematics import Target
+from finloop.animate.obstacles import (
+    NO_OBSTACLES,
     Plans,
     can_stay,
     count_lasting_ticks,
@@ -15,11 +17,9 @@ from finloop.animate.company import (
     cover_with_discs,
     is_clear_in_search,
     is_clear_of_fish,
-    make_company,
+    make_obstacles,
     sort_near_first,
 )
-from finloop.animate.encounters import do_outlines_overlap, place_outline
-from finloop.animate.kinematics import Target
 from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
 from finloop.edit.stretch import Decision, Stretch
@@ -31,9 +31,9 @@ MODE = "matching"  # the one mode of several fish
 EDGE = 1.5  # px around every body
 
 
-def company_at(ways, start, discs, stays):
-    """The company of fish whose ways begin at a tick."""
-    return make_company(Plans.from_paths(ways, start).others(-1, start), start, discs, stays)
+def obstacles_at(ways, start, discs, stays):
+    """The obstacles of fish whose ways begin at a tick."""
+    return make_obstacles(Plans.from_paths(ways, start).others(-1, start), start, discs, stays)
 
 
 SPOT = Target(0.0, 0.0, 0.0, 0.0)
@@ -94,9 +94,9 @@ def test_who_is_clear_of_another_does_not_overlap_it(seed):
     for _ in range(40):
         (one, own, flip), (other, theirs, flop) = (shown[rng.integers(5)] for _ in range(2))
         a, b = ((*rng.uniform(0, 60, 2), rng.uniform(-180, 180)) for _ in range(2))
-        company = company_at([np.array([[*b, other]])], 0, discs, 0)
-        apart = is_clear_of_fish(company, one, *a, 0)
-        back = is_clear_of_fish(company_at([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
+        obstacles = obstacles_at([np.array([[*b, other]])], 0, discs, 0)
+        apart = is_clear_of_fish(obstacles, one, *a, 0)
+        back = is_clear_of_fish(obstacles_at([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
         assert apart == back  # whoever asks
         there = place_outline(outlines[own], *a, flip), place_outline(outlines[theirs], *b, flop)
         assert not (apart and do_outlines_overlap(*there))
@@ -106,53 +106,53 @@ def test_who_is_clear_of_another_does_not_overlap_it(seed):
 
 def test_side_by_side_is_nearer_than_head_to_tail():
     discs = cover_with_discs(NEEDLE[None], [])
-    company = company_at([np.array([[0.0, 0, 0, 0]])], 0, discs, 0)
+    obstacles = obstacles_at([np.array([[0.0, 0, 0, 0]])], 0, discs, 0)
     wide = 2 * (np.hypot(2, 5) + EDGE)
-    assert is_clear_of_fish(company, 0, 0.0, wide + 0.1, 0.0, 0)
-    assert not is_clear_of_fish(company, 0, 0.0, wide - 0.1, 0.0, 0)
-    assert not is_clear_of_fish(company, 0, 50.0, 0.0, 0.0, 0)
-    assert is_clear_of_fish(company, 0, 70.0, 0.0, 0.0, 0)
+    assert is_clear_of_fish(obstacles, 0, 0.0, wide + 0.1, 0.0, 0)
+    assert not is_clear_of_fish(obstacles, 0, 0.0, wide - 0.1, 0.0, 0)
+    assert not is_clear_of_fish(obstacles, 0, 50.0, 0.0, 0.0, 0)
+    assert is_clear_of_fish(obstacles, 0, 70.0, 0.0, 0.0, 0)
 
 
 # --- ways
 
 
 def crossing():
-    """The company of a needle that swims to the right for 20 ticks, and stays there."""
+    """The obstacles of a needle that swims to the right for 20 ticks, and stays there."""
     way = np.column_stack([5.0 * np.arange(20), np.zeros(20), np.zeros(20), np.zeros(20)])
-    return company_at([way], 10, cover_with_discs(NEEDLE[None], []), 6)
+    return obstacles_at([way], 10, cover_with_discs(NEEDLE[None], []), 6)
 
 
 def test_others_are_where_they_planned_to_be_and_stay_where_that_ends():
-    company = crossing()
+    obstacles = crossing()
     for tick, x in ((10, 0.0), (14, 20.0), (29, 95.0), (80, 95.0)):
-        assert not is_clear_of_fish(company, 0, x + 60, 0.0, 0.0, tick)
-        assert is_clear_of_fish(company, 0, x + 75, 0.0, 0.0, tick)
+        assert not is_clear_of_fish(obstacles, 0, x + 60, 0.0, 0.0, tick)
+        assert is_clear_of_fish(obstacles, 0, x + 75, 0.0, 0.0, tick)
 
 
 def test_who_looks_ahead_forgets_them_after_a_while():
-    company = crossing()
-    assert company.until == 10 + 19 + 6
+    obstacles = crossing()
+    assert obstacles.until == 10 + 19 + 6
     for tick in range(10, 60):
-        ahead = is_clear_in_search(company, 0, 95.0, 0.0, 90.0, tick)
-        assert ahead == (tick > 35 or is_clear_of_fish(company, 0, 95.0, 0.0, 90.0, tick))
+        ahead = is_clear_in_search(obstacles, 0, 95.0, 0.0, 90.0, tick)
+        assert ahead == (tick > 35 or is_clear_of_fish(obstacles, 0, 95.0, 0.0, 90.0, tick))
 
 
 def test_the_ticks_of_a_way_that_last_are_those_of_a_plain_search():
-    company, ends = crossing(), set()
+    obstacles, ends = crossing(), set()
     for begins in np.linspace(-150, 200, 30):
         way = np.column_stack([np.full(40, 40.0), begins + 3.0 * np.arange(40), np.full(40, -90.0)])
         numbers = np.zeros(40, np.int64)
-        free = [is_clear_of_fish(company, 0, *place, 10 + t) for t, place in enumerate(way)]
+        free = [is_clear_of_fish(obstacles, 0, *place, 10 + t) for t, place in enumerate(way)]
         n = free.index(False) if False in free else 40
-        assert count_ticks_before_meeting(company, numbers, way, 10) == n
+        assert count_ticks_before_meeting(obstacles, numbers, way, 10) == n
         lasts = [
-            all(is_clear_of_fish(company, 0, *way[k - 1], tick) for tick in range(9 + k, 100))
+            all(is_clear_of_fish(obstacles, 0, *way[k - 1], tick) for tick in range(9 + k, 100))
             for k in range(1, n + 1)
         ]
         most = max((k for k, good in enumerate(lasts, 1) if good), default=0)
-        assert count_lasting_ticks(company, numbers, way, 10) == most
-        assert can_stay(company, 0, way[0], 10) == (n > 0 and lasts[0])
+        assert count_lasting_ticks(obstacles, numbers, way, 10) == most
+        assert can_stay(obstacles, 0, way[0], 10) == (n > 0 and lasts[0])
         ends.add((n, most))
     assert any(0 < most < n for n, most in ends)
     assert min(ends)[0] < 3 and max(ends)[0] == 40
@@ -169,16 +169,16 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_tick
         ])
         for n in rng.integers(1, 12, 20)
     ]  # fmt: skip
-    company = company_at(ways, 7, cover_with_discs(NEEDLE[None], []), 6)
-    some = sort_near_first(company, 400.0, 400.0, pace * np.arange(known_ticks + 1))
-    assert company.near_count == 20 > some.near_count > 0
-    assert sorted(some.places[0].tolist()) == sorted(company.places[0].tolist())
+    obstacles = obstacles_at(ways, 7, cover_with_discs(NEEDLE[None], []), 6)
+    some = sort_near_first(obstacles, 400.0, 400.0, pace * np.arange(known_ticks + 1))
+    assert obstacles.near_count == 20 > some.near_count > 0
+    assert sorted(some.places[0].tolist()) == sorted(obstacles.places[0].tolist())
     met = 0
     for _ in range(2000):
-        tick, angle = int(rng.integers(7, company.until + 1)), rng.uniform(0, 2 * np.pi)
+        tick, angle = int(rng.integers(7, obstacles.until + 1)), rng.uniform(0, 2 * np.pi)
         far = rng.uniform(0, pace * (tick - 6))  # as far as it comes by then
         place = 400 + far * np.cos(angle), 400 + far * np.sin(angle), rng.uniform(-180, 180)
-        free = is_clear_of_fish(company, 0, *place, tick)
+        free = is_clear_of_fish(obstacles, 0, *place, tick)
         assert is_clear_in_search(some, 0, *place, tick) == free
         assert is_clear_of_fish(some, 0, *place, tick) == free
         met += not free
@@ -199,7 +199,7 @@ def test_how_far_a_fish_comes_is_never_less_than_the_film_shows():
 
 
 def test_alone_every_place_is_clear():
-    assert is_clear_of_fish(ALONE, 0, 0.0, 0.0, 0.0, 0)
+    assert is_clear_of_fish(NO_OBSTACLES, 0, 0.0, 0.0, 0.0, 0)
 
 
 # --- fish of one tank

@@ -44,7 +44,7 @@ class Discs(NamedTuple):
     reach: float
 
 
-class Company(NamedTuple):
+class Obstacles(NamedTuple):
     """The m other fish of a tank, as a fish knows them when it decides.
 
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
@@ -61,7 +61,7 @@ class Company(NamedTuple):
 
 
 NO_DISCS = Discs(np.zeros((0, _DISCS, 3)), 0, 0.0)
-ALONE = Company(0, np.zeros((1, 0, 4)), NO_DISCS)
+NO_OBSTACLES = Obstacles(0, np.zeros((1, 0, 4)), NO_DISCS)
 
 
 class Plans:
@@ -121,7 +121,9 @@ class Plans:
         return np.asarray(self._trajectories[fish, row])
 
 
-def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after: int) -> Company:
+def make_obstacles(
+    other_plans: Floats, start_tick: int, discs: Discs, ticks_after: int
+) -> Obstacles:
     """Return the other fish as one fish knows them when it decides at a tick.
 
     start_tick: at which the fish decides; other_plans (n, m, 4): x, y px, heading, picture of m
@@ -130,7 +132,7 @@ def make_company(other_plans: Floats, start_tick: int, discs: Discs, ticks_after
     """
     ticks, count = other_plans.shape[:2]
     last_tick = start_tick + ticks - 1 + ticks_after
-    return Company(start_tick, other_plans, discs, until=last_tick, near_count=count)
+    return Obstacles(start_tick, other_plans, discs, until=last_tick, near_count=count)
 
 
 @kernel
@@ -155,26 +157,26 @@ def _places_of_others(trajectories, begins, ticks, fish, tick):  # type: ignore[
 
 
 @kernel
-def sort_near_first(company: Company, x: float, y: float, farthest_px: Floats) -> Company:
-    """Return the company with those fish first that a fish at x, y px can meet during a search.
+def sort_near_first(obstacles: Obstacles, x: float, y: float, farthest_px: Floats) -> Obstacles:
+    """Return the obstacles, those fish first that a fish at x, y px can meet during a search.
 
     farthest_px (t,): that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
     mean speed. `near_count` is set to the number of those fish.
     """
     known_ticks = len(farthest_px) - 1
     px_per_tick = farthest_px[known_ticks] / known_ticks
-    ticks, count = company.places.shape[:2]
+    ticks, count = obstacles.places.shape[:2]
     near_count, first_far, order = 0, count, np.empty(count, np.int64)
     for k in range(count):
         is_near = False
         for t in range(ticks):
             # For how many ticks the fish swims before the other's place at this tick ends: places
             # are one tick ahead of the fish; the last counts until the search ends.
-            swim_ticks = 1 + (t if t < ticks - 1 else company.until - company.start)
+            swim_ticks = 1 + (t if t < ticks - 1 else obstacles.until - obstacles.start)
             ticks_beyond = max(swim_ticks - known_ticks, 0)
             swims_px = farthest_px[swim_ticks - ticks_beyond] + ticks_beyond * px_per_tick
-            dx, dy = company.places[t, k, 0] - x, company.places[t, k, 1] - y
-            is_near = dx * dx + dy * dy < (2 * company.discs.reach + swims_px) ** 2
+            dx, dy = obstacles.places[t, k, 0] - x, obstacles.places[t, k, 1] - y
+            is_near = dx * dx + dy * dy < (2 * obstacles.discs.reach + swims_px) ** 2
             if is_near:
                 break
         if is_near:
@@ -183,11 +185,11 @@ def sort_near_first(company: Company, x: float, y: float, farthest_px: Floats) -
         else:
             first_far -= 1
             order[first_far] = k
-    places = np.empty_like(company.places)
+    places = np.empty_like(obstacles.places)
     for t in range(ticks):
         for k in range(count):
-            places[t, k] = company.places[t, order[k]]
-    return Company(company.start, places, company.discs, company.until, near_count)
+            places[t, k] = obstacles.places[t, order[k]]
+    return Obstacles(obstacles.start, places, obstacles.discs, obstacles.until, near_count)
 
 
 def cover_with_discs(frame_outlines: Outlines, sprite_outlines: Sequence[Floats]) -> Discs:
@@ -255,40 +257,40 @@ def _widen_slices(extents, ahead, left):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def is_clear_of_fish(
-    company: Company, picture: int, x: float, y: float, heading: float, tick: int
+    obstacles: Obstacles, picture: int, x: float, y: float, heading: float, tick: int
 ) -> bool:
     """Return whether a picture at x, y px and a heading, degrees, meets no other fish at a tick."""
-    return _is_clear_of_first(company, company.places.shape[1], picture, (x, y, heading), tick)
+    return _is_clear_of_first(obstacles, obstacles.places.shape[1], picture, (x, y, heading), tick)
 
 
 @leaf_kernel
-def _is_clear_of_first(company, count, picture, pose, tick):  # type: ignore[no-untyped-def]
+def _is_clear_of_first(obstacles, count, picture, pose, tick):  # type: ignore[no-untyped-def]
     """Return whether a picture at a pose meets none of the first `count` fish at a tick.
 
-    company: `Company`; picture: its number; pose: x, y px, heading in degrees.
+    obstacles: `Obstacles`; picture: its number; pose: x, y px, heading in degrees.
     """
-    others, near_px2, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, pose
+    others, near_px2, (x, y, heading) = obstacles.places, 4.0 * obstacles.discs.reach**2, pose
     if count == 0:
         return True
-    t = min(max(tick - company.start, 0), others.shape[0] - 1)
+    t = min(max(tick - obstacles.start, 0), others.shape[0] - 1)
     for k in range(count):
         dx, dy = others[t, k, 0] - x, others[t, k, 1] - y
         if dx * dx + dy * dy < near_px2:
             other, other_heading = int(others[t, k, 3]), others[t, k, 2]
-            if _do_discs_overlap(company.discs, picture, heading, other, other_heading, dx, dy):
+            if _do_discs_overlap(obstacles.discs, picture, heading, other, other_heading, dx, dy):
                 return False
     return True
 
 
 @leaf_kernel
-def is_clear_in_search(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
+def is_clear_in_search(obstacles, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
     """Return whether a picture at x, y px and a heading meets no fish that a search considers.
 
-    picture: its number; heading: degrees. Only the first `company.near_count` fish count, and only
-    from tick `company.start` to `company.until`; at other ticks the result is True.
+    picture: its number; heading: degrees. Only the first `obstacles.near_count` fish count, and
+    only from tick `obstacles.start` to `obstacles.until`; at other ticks the result is True.
     """
-    pose, unknown = (x, y, heading), tick < company.start or tick > company.until
-    return unknown or _is_clear_of_first(company, company.near_count, picture, pose, tick)
+    pose, unknown = (x, y, heading), tick < obstacles.start or tick > obstacles.until
+    return unknown or _is_clear_of_first(obstacles, obstacles.near_count, picture, pose, tick)
 
 
 @leaf_kernel
@@ -331,7 +333,7 @@ def disc_orientation(discs, picture, heading):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def count_ticks_before_meeting(
-    company: Company, pictures: Ints, trajectory: Floats, start_tick: int
+    obstacles: Obstacles, pictures: Ints, trajectory: Floats, start_tick: int
 ) -> int:
     """Return how many ticks of a trajectory (n, 3) pass before it first meets another fish.
 
@@ -340,36 +342,36 @@ def count_ticks_before_meeting(
     """
     for t in range(len(trajectory)):
         x, y, heading = trajectory[t, 0], trajectory[t, 1], trajectory[t, 2]
-        if not is_clear_of_fish(company, pictures[t], x, y, heading, start_tick + t):
+        if not is_clear_of_fish(obstacles, pictures[t], x, y, heading, start_tick + t):
             return t
     return len(trajectory)
 
 
 @leaf_kernel
-def can_stay(company: Company, picture: int, pose, tick: int) -> bool:  # type: ignore[no-untyped-def]
+def can_stay(obstacles: Obstacles, picture: int, pose, tick: int) -> bool:  # type: ignore[no-untyped-def]
     """Return whether a picture that stays at a pose meets no other fish from a tick on.
 
     picture: its number; pose: x, y px, heading in degrees.
     """
     # After their last known tick the others stay, too: no later one needs a test.
-    last = max(company.start + company.places.shape[0] - 1, tick)
-    while tick <= last and is_clear_of_fish(company, picture, pose[0], pose[1], pose[2], tick):
+    last = max(obstacles.start + obstacles.places.shape[0] - 1, tick)
+    while tick <= last and is_clear_of_fish(obstacles, picture, pose[0], pose[1], pose[2], tick):
         tick += 1
     return tick > last
 
 
 @leaf_kernel
 def count_lasting_ticks(
-    company: Company, pictures: Ints, trajectory: Floats, start_tick: int
+    obstacles: Obstacles, pictures: Ints, trajectory: Floats, start_tick: int
 ) -> int:
     """Return how many ticks of a trajectory (n, 3) a fish can swim, and then stay, clear of others.
 
     pictures (n,): numbers of the pictures shown; trajectory: x, y px, heading in degrees at each
     tick from `start_tick` on.
     """
-    ticks = count_ticks_before_meeting(company, pictures, trajectory, start_tick)
+    ticks = count_ticks_before_meeting(obstacles, pictures, trajectory, start_tick)
     while ticks > 0 and not can_stay(
-        company, pictures[ticks - 1], trajectory[ticks - 1], start_tick + ticks - 1
+        obstacles, pictures[ticks - 1], trajectory[ticks - 1], start_tick + ticks - 1
     ):
         ticks -= 1
     return ticks
