@@ -70,7 +70,7 @@ class Tank:
         return min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
 
     def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
-        """Return x, y px of the target if it is in sight, else of a point in sight on a path to it.
+        """Return the point x, y px to swim to next: the target, or before it a point in sight.
 
         x, y, to_x, to_y: px of the fish and of the target. Of the shortest path over legal pixels,
         on a coarse map of at most 200 cells a side, the point is the farthest in sight.
@@ -95,14 +95,14 @@ class Tank:
 
     @cached_property
     def _coarse_map(self) -> tuple[int, skimage.graph.MCP_Geometric]:
-        """Return the px of a cell of the coarse map, and what finds the shortest paths on it."""
+        """Return the coarse map of the tank: size of a cell, px, and solver of shortest paths."""
         cell = math.ceil(max(self.legal.shape) / _CELLS)
         free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
         # Through a wall only if nothing else leads there.
         return cell, skimage.graph.MCP_Geometric(np.where(free, 1.0, 1e6))
 
     def can_swim_straight(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        """Return whether a fish can swim straight from (x, y) px to (to_x, to_y) px."""
+        """Return whether no wall is on the straight line from (x, y) px to (to_x, to_y) px."""
         return bool(is_line_legal(self.legal, self.arena, x, y, to_x, to_y))
 
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
@@ -202,7 +202,7 @@ class FilmHulls:
 
     @property
     def are_complete(self) -> bool:
-        """Return whether half of the film fills nearly as much area as all of it.
+        """Return whether the animals have been everywhere: half of the film fills as much area.
 
         The mean area of the two halves is compared with that of the whole. If False, the animals
         have not been everywhere that they can be: a longer film would show more.
@@ -269,7 +269,7 @@ def _row_ends(points: Reals) -> NDArray[np.int32]:
 def tank_area(
     arena: Mask, hulls: FilmHulls, tank_setting: str, floor: Picture | None = None
 ) -> Mask:
-    """Return where (h, w) a fish may be: in `arena`, or in its part where animals were filmed.
+    """Return the mask (h, w) of where a fish may be: the arena, or where animals were filmed.
 
     hulls: of the film's outlines; floor: the empty tank, None if unknown.
     tank_setting: "arena", "filmed" (the part where animals were filmed) or "auto". "auto" is the
@@ -295,7 +295,7 @@ def tank_area(
 def choose_fish_area(
     arena: Mask, hulls: FilmHulls, reach_px: float, tank_setting: str, floor: Picture | None = None
 ) -> Mask:
-    """Return where (h, w) a fish may be: `tank_area`; with "auto" the arena if that is too small.
+    """Return `tank_area` (h, w); with "auto" the whole arena where that is too small for the fish.
 
     It is too small if the fish, which reaches `reach_px` from its centre, does not fit in it. The
     other parameters are those of `tank_area`.
@@ -305,7 +305,7 @@ def choose_fish_area(
 
 
 def size_that_fits(area: Mask, reach_px: float) -> float:
-    """Return the size, as a share of the filmed one, at which a fish can turn in an area (h, w).
+    """Return the largest drawn size / filmed size at which a fish can turn in an area (h, w).
 
     reach_px: how far the fish as filmed reaches from its centre. The size is 1, or less where the
     fish would reach farther than half of the distance from the wall to the area's middle.
@@ -319,7 +319,7 @@ def can_fish_fit(arena: Mask, reach_px: float) -> bool:
 
 
 def _legal_centres(arena: Mask, reach_px: float) -> Mask:
-    """Return where (h, w) a fish may have its centre, if it reaches `reach_px` from there."""
+    """Return the mask (h, w) of legal centres: at least `reach_px` from outside the arena."""
     return np.asarray(_depth_px(arena) > reach_px + 1)
 
 
@@ -332,7 +332,7 @@ def goal_name(number: int) -> str:
 def place_goals(
     given_goals: Sequence[Sequence[float]], unit: str, tank: Tank, touch_px: float
 ) -> list[Goal]:
-    """Return the goals of the configuration, in pixels.
+    """Convert the goals of the parameters to px of the clip; raise FinloopError for bad ones.
 
     given_goals: [x, y] each; unit: "px", or "tank" for shares of the tank's width and height, from
     its upper left corner. A fish touches what is within `touch_px` of a legal centre. FinloopError,
@@ -370,7 +370,7 @@ def place_goals(
 def _place_share(
     share_x: float, share_y: float, tank: Tank, touch_px: float
 ) -> tuple[float, float]:
-    """Return the x, y px of a goal that is given in shares of the tank's width and height.
+    """Convert a goal from shares of the tank's width and height to x, y px; move it into reach.
 
     Shares of 0-1 may lie outside the tank, as in the corner of a round one, or more than `touch_px`
     from a legal centre: then they are moved to the nearest legal centre. Other shares are not.

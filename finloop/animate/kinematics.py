@@ -13,7 +13,7 @@ from finloop.base.kernel import kernel, leaf_kernel
 
 
 class Target(NamedTuple):
-    """A place x, y px to touch: the fish's centre or head comes within `touch_px` of it.
+    """A place x, y px that a fish touches if its centre or head is within `touch_px` of it.
 
     head_px: distance of the head from the centre. free: whether the fish only wanders: by sprites
     it swims to the place, in the film it goes where the film goes.
@@ -27,7 +27,7 @@ class Target(NamedTuple):
 
 
 def next_aim(tank: Tank, place_px: tuple[float, float], goal: Target, near_px: float) -> Target:
-    """Return the point to head for: the legal place nearest to a goal, or a waypoint before it.
+    """Return the point to head for: the legal place nearest to a goal, or a waypoint on the way.
 
     place_px: x, y of the fish. Where that legal place is less than `near_px` away, the result is
     the goal itself.
@@ -40,7 +40,7 @@ def next_aim(tank: Tank, place_px: tuple[float, float], goal: Target, near_px: f
 
 
 class Ahead(NamedTuple):
-    """A swim straight ahead, tick by tick (n,).
+    """Straight swimming, tick by tick (n,): speed, drift of the heading, and stopping distance.
 
     forward: px per tick; drift: change of the heading since the start, degrees; brake: px that the
     fish needs to stop.
@@ -130,7 +130,7 @@ def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
 
 @kernel
 def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
-    """Return the trajectory of a swim ahead, the number of safe ticks, and the tick of touch.
+    """Swim straight on; return the trajectory, the number of safe ticks, and the tick of touch.
 
     legal (h, w): where the fish's centre may be; start (3,): x, y px, heading in degrees; swim:
     what the fish does at each of n ticks. The trajectory (n, 3) has the columns of `start`, and
@@ -160,7 +160,7 @@ def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: 
 def swim_turn(  # type: ignore[no-untyped-def]
     legal: Mask, start: Floats, swim: Turning, goal: Target, aim: Target, fastest: float
 ):  # fmt: skip
-    """Return the trajectory of a turn to an aim, whether it is possible, and the tick of touch.
+    """Swim a turn to an aim; return the trajectory, whether it is possible, and the tick of touch.
 
     legal (h, w): where the fish's centre may be; start (3,): x, y px, heading in degrees; aim: the
     point to head for, see `next_aim`; goal: its touch ends the turn; fastest: largest turn in a

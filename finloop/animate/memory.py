@@ -31,7 +31,7 @@ class MemoryIndex(NamedTuple):
 
 @kernel
 def index_memory(memory: Ints) -> MemoryIndex:
-    """Return the index of a memory, by which the stretch of film that holds a row is found quickly.
+    """Index a memory by row, so that the stretch of film that holds a row is found quickly.
 
     memory (m, 3): stretches that were on screen, by row: first row, last row, tick of the first.
     There are about two blocks of rows for each stretch.
@@ -98,10 +98,10 @@ def _last_tick_of_rows(memory: Ints, low: int, high: int, first: int, last: int)
 
 @leaf_kernel
 def mark_rows(marks: int, first: int, last: int) -> int:
-    """Return the marks of some rows, with those of rows first … last added.
+    """Add rows first … last to a set of rows that is kept as 64 bits; return the set.
 
-    Marks are 64 bits, each for 32 rows, and for those 2048, 4096 … rows farther on. A row whose bit
-    is 0 is none of those added; a row whose bit is 1 may be one.
+    Each bit stands for 32 rows, and for those 2048, 4096 … rows farther on. A row whose bit is 0 is
+    not in the set; a row whose bit is 1 may be in it.
     """
     for group in range(first >> _MARK_BITS, (last >> _MARK_BITS) + 1):
         marks |= 1 << (group & 63)
@@ -110,7 +110,7 @@ def mark_rows(marks: int, first: int, last: int) -> int:
 
 @kernel
 def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: float) -> Ints:
-    """Return a memory with rows first … last added, shown one after the other from `tick` on.
+    """Add rows first … last, shown one after the other from `tick` on, to a memory; return it.
 
     memory (m, 3): stretches of film on screen: first row, last row, tick of the first. It keeps the
     last time of each row, and drops what was shown at `forget_tick` or before.

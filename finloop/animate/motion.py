@@ -153,7 +153,7 @@ def _kinematics_of_tracks(
 
 
 def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
-    """Return the motion statistics of a feature table: tracks, turns, and the times between turns.
+    """Learn how the film's fish swim, from its feature table: tracks, turns, times between them.
 
     rate_hz: frames per second; delta: Δ in frames. Where the film shows no turn, each track is one.
     FinloopError if nothing moves, or no heading changes.
@@ -190,7 +190,7 @@ def _long_tracks(features: pd.DataFrame, exceeded_frames: int) -> Iterator[Track
 
 
 def too_little_error(swimming: str) -> FinloopError:
-    """Return the error that the film shows too little `swimming`, a noun, to learn from."""
+    """Return the error that a film shows too little of `swimming`, such as "turning"."""
     return FinloopError(
         f"the film shows no {swimming} to learn from",
         "tracks of some seconds in which a fish swims straight, and turns",
@@ -200,7 +200,7 @@ def too_little_error(swimming: str) -> FinloopError:
 
 
 def _track_as_turn(track: TrackKinematics) -> SwimmingRun:
-    """Return a track, without its end frames, as one turn to the side of its total turn."""
+    """Return a whole track, without its end frames, as one turn to the side it turns to in all."""
     side = LEFT if track.heading_deg[-1] >= track.heading_deg[0] else RIGHT
     return SwimmingRun(track, side, 1, len(track.kind) - 1)
 
@@ -236,5 +236,5 @@ def _turns_of_runs(runs: list[SwimmingRun], rate_hz: float, delta: int) -> Turns
 
 
 def first_ticks(lengths: Sequence[int]) -> NDArray[np.int32]:
-    """Return the first tick (n,) of each of n parts that follow one another, by their lengths."""
+    """Return the first tick (n,) of each of n successive parts, whose lengths are in ticks."""
     return np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int32)

@@ -45,7 +45,7 @@ class Discs(NamedTuple):
 
 
 class Obstacles(NamedTuple):
-    """The m other fish of a tank, as a fish knows them when it decides.
+    """The m other fish of a tank and their plans, as a fish knows them when it decides.
 
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
     heading in degrees and the number of the picture at every tick from then on; the last ones count
@@ -124,7 +124,7 @@ class Plans:
 def make_obstacles(
     other_plans: Floats, start_tick: int, discs: Discs, ticks_after: int
 ) -> Obstacles:
-    """Return the other fish as one fish knows them when it decides at a tick.
+    """Return the other fish of the tank as obstacles for a fish that decides at a tick.
 
     start_tick: at which the fish decides; other_plans (n, m, 4): x, y px, heading, picture of m
     others at n ticks; ticks_after: for how many ticks after their plans a search considers them. It
@@ -158,7 +158,7 @@ def _places_of_others(trajectories, begins, ticks, fish, tick):  # type: ignore[
 
 @kernel
 def sort_near_first(obstacles: Obstacles, x: float, y: float, farthest_px: Floats) -> Obstacles:
-    """Return the obstacles, those fish first that a fish at x, y px can meet during a search.
+    """Sort obstacles: first the fish that a fish at x, y px can meet during a search.
 
     farthest_px (t,): that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
     mean speed. `near_count` is set to the number of those fish.
@@ -207,7 +207,7 @@ def cover_with_discs(frame_outlines: Outlines, sprite_outlines: Sequence[Floats]
 
 
 def _disc_table(outlines: Reals) -> Floats:
-    """Return the discs (n, k, 3) that cover outlines (n, p, 2): see `_cover_outlines`."""
+    """Call the kernel `_cover_outlines` with outlines (n, p, 2) of any type; return its discs."""
     return np.asarray(_cover_outlines(np.ascontiguousarray(outlines, float)))
 
 
@@ -239,10 +239,10 @@ def _cover_outlines(outlines):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _widen_slices(extents, ahead, left):  # type: ignore[no-untyped-def]
-    """Widen the slices of a body, in place, so that they hold one straight side of its outline.
+    """Widen slices of a body, in place, so that they hold one more edge of its outline.
 
-    extents (k, 2): lowest and highest px to the left in each slice. ahead, left: where the side's
-    two ends are; ahead in slices from the back, left in px.
+    extents (k, 2): lowest and highest px to the left in each slice. ahead, left: of the two ends of
+    the edge; ahead in slices from the back, left in px.
     """
     back, front = min(ahead), max(ahead)
     for k in range(min(int(back), _DISCS - 1), min(int(front), _DISCS - 1) + 1):
@@ -317,7 +317,7 @@ def _do_discs_overlap(discs, picture, heading, other, other_heading, dx, dy):  #
 
 @leaf_kernel
 def disc_orientation(discs, picture, heading):  # type: ignore[no-untyped-def]
-    """Return where a picture's discs stand, and how they lie: table row, side, cos, sin.
+    """Return where a picture's discs are in the table, and how to turn them: row, side, cos, sin.
 
     picture: a row of the film; `discs.frames` + row for its mirror image; −1 − s for sprite s,
     which stands in `discs.table` after the rows of the film. The side is −1 for a mirror image,
@@ -364,7 +364,7 @@ def can_stay(obstacles: Obstacles, picture: int, pose, tick: int) -> bool:  # ty
 def count_lasting_ticks(
     obstacles: Obstacles, pictures: Ints, trajectory: Floats, start_tick: int
 ) -> int:
-    """Return how many ticks of a trajectory (n, 3) a fish can swim, and then stay, clear of others.
+    """Return after how many ticks of a trajectory (n, 3) a fish can stop, always clear of others.
 
     pictures (n,): numbers of the pictures shown; trajectory: x, y px, heading in degrees at each
     tick from `start_tick` on.

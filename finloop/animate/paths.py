@@ -47,7 +47,7 @@ class _PathPoints(NamedTuple):
 
 
 def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
-    """Return the path, in px of the clip, along a given line in the tank, twice: see `Path`.
+    """Convert a given line to a path in the tank, in px of the clip: to steer by, and as requested.
 
     `Path.route` is the path to steer by, moved to where the fish's centre may be; `Path.asked` is
     the requested one, with finer steps, against which errors are measured. mm_per_px: scale of the
@@ -150,9 +150,10 @@ def _refuse_line_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
 
 @kernel
 def _grain_starts(x: Floats, y: Floats, grain_px: float) -> Ints:
-    """Return numbers (k,) of points of a line, x, y (n,) px, each `grain_px` from the one before.
+    """Return the numbers (k,) of those points of a line that begin a grain, `grain_px` apart.
 
-    The first is 0; each of the others is the first point that is so far away.
+    x, y (n,): the points, px. The first number is 0; each other one is that of the first point so
+    far from the one before.
     """
     starts = np.empty(x.size, np.int64)
     starts[0], count = 0, 1
@@ -164,7 +165,7 @@ def _grain_starts(x: Floats, y: Floats, grain_px: float) -> Ints:
 
 
 def _grain_means(values: Floats, starts: Ints) -> Floats:
-    """Return the first value, the means over all grains, and the last value: (k + 2,).
+    """Smooth values along a line: return the first, the mean over each grain, the last (k + 2,).
 
     values (n,): of a line's points; starts (k,): number of the first point of each grain. The means
     tremble less than the values.

@@ -27,7 +27,7 @@ def random_goals(world: World, count: int, rng: np.random.Generator) -> list[Goa
 
 
 def random_wander_place(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
-    """Return a random place (2,), px, to wander to, and after how many ticks to give it up.
+    """Choose a random place to wander to; return it, x, y px (2,), and the ticks to try for.
 
     It is as far to the side as one of the film's turns, as far away as a straight stretch, and in
     sight; else anywhere in the tank.
@@ -46,5 +46,5 @@ def random_wander_place(world: World, fish: Fish, rng: np.random.Generator) -> t
 
 
 def random_item(values: NDArray[Any], rng: np.random.Generator) -> Any:
-    """Return a random one of values (n,), like `rng.choice`, but five times as fast."""
+    """Return one of the values (n,) at random, as `rng.choice` does, but five times as fast."""
     return values[rng.integers(len(values))]

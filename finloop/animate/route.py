@@ -68,9 +68,9 @@ def is_route_done(route: Route, along_px: float, tick: int) -> bool:
 
 @finite_leaf
 def _points_around(route: Route, along_px: float):  # type: ignore[no-untyped-def]
-    """Return the indices of the route's points before and after `along_px`, and the share between.
+    """Return the indices of the route's points around `along_px`, and its place between, 0 … 1.
 
-    The share rises from 0 at the point before to 1 at the one after. At the end of a path that is
+    The place rises from 0 at the point before to 1 at the one after. At the end of a path that is
     not closed both are its last point. A closed path goes on from lap to lap.
     """
     n = route.x.size
@@ -108,7 +108,7 @@ def due_along(route: Route, tick: int) -> float:
 
 @finite_leaf
 def nearest_search_start(route: Route, along_px: float, tick: int) -> float:
-    """Return from how many px along a route to search for the point nearest to a fish at a tick.
+    """Return where on a route, px along it, to begin the search for the point nearest to a fish.
 
     along_px: of the last nearest point. On a route with times the result is never far behind the
     place due: a late fish takes short cuts.
@@ -161,10 +161,10 @@ def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  #
 
 @finite_leaf
 def _find_nearest_point(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
-    """Return the point of a route nearest to x, y px, from the last one before `along_px` on.
+    """Find the point of a route nearest to x, y px; return its number and its index.
 
-    Returned are how many points it lies ahead of that one, and its index. At least `route.ahead`
-    points are searched, more if x, y is far from the route.
+    The search begins at the last point before `along_px`, which has number 0. At least
+    `route.ahead` points are searched, more if x, y is far from the route.
     """
     start, _, _ = _points_around(route, along_px)
     points_on, nearest_index, least_px2, index = 0, start, 1e300, start

@@ -83,7 +83,7 @@ class SchoolMember:
     """A fish of a group, and the animation that it has planned so far (`swim`)."""
 
     def __init__(self, player: AnyPlayer, task: SwimTask, number: int, plans: Plans) -> None:
-        """Put a fish into the tank, with nothing planned yet.
+        """Put a fish into the tank, at rest in `plans`, with no stretch planned yet.
 
         number: of the fish, from 0; plans: of all fish, to which its place is added. NoRoom where
         there is no place; FinloopError where it begins a path on another fish.
@@ -128,7 +128,7 @@ class SchoolMember:
             self._reached += 1
 
     def _next_goal(self) -> Goal | Route | None:
-        """Return the path or the goal that the fish swims to now; None if it has none left.
+        """Return the path or goal that the fish swims by next; None if it has none left.
 
         A path is forgotten once the fish is at its end.
         """

@@ -32,7 +32,7 @@ class ScaledFilm(NamedTuple):
 def scale_film(
     reel: Reel, outlines: FilmOutlines, arena: Mask, p: CommonSettings, floor: Picture | None
 ) -> ScaledFilm:
-    """Return the film at the size `p.fish_scale`, or where that is "auto", at one that fits.
+    """Return the film at the drawn size `p.fish_scale`, or for "auto" at one that fits the tank.
 
     reel: the film's cut-outs and sprites; outlines: of its rows; arena (h, w): true where fish can
     be; floor: the empty tank as filmed, None if unknown. Frames that reach farther than most are

@@ -60,10 +60,10 @@ class Run(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """How far a fish is along a path, px, and its plan beyond the last stretch.
+    """How far a fish is along its path, and what it has planned beyond the last stretch.
 
-    task: the path or target that `runs` are planned for; runs: of film to show next; motion: FILM
-    or FORECAST, whether the fish moves as filmed or as predicted.
+    along: px along the path; task: the path or target that `runs` are planned for; runs: of film to
+    show next; motion: FILM or FORECAST, whether the fish moves as filmed or as predicted.
     """
 
     along: float = 0.0

@@ -94,9 +94,9 @@ class Animator:
         return [SwimTask(goals, np.random.default_rng(self.p.seed))]
 
     def trial_tasks(self, number: int) -> list[SwimTask]:
-        """Return the task of each fish, here of one, in a random animation: goals, no path.
+        """Return the task of each fish in the random animation number `number`: goals, no path.
 
-        number: of the trial; each number gives other goals.
+        There is one fish. Each number gives other goals.
         """
         rng = np.random.default_rng([self.p.seed, number])
         return [SwimTask(random_goals(self.player.world, self.p.trial_goals, rng), rng)]
@@ -130,7 +130,7 @@ class Animator:
         return animations, edit
 
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
-        """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
+        """Return the edit list of an animation of `seconds` s to random goals drawn by a seed."""
         world, count = self.player.world, self.p.trial_goals * self.fish_count
         goals = [
             goal._replace(radius_px=world.touch_px)
@@ -164,7 +164,7 @@ class ModeAssets(NamedTuple):
 
 
 def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
-    """Return what all modes share: the film at its drawn size, its tank, pictures and outlines.
+    """Prepare what all modes share: the film at its drawn size, its tank, pictures and outlines.
 
     film_data: what is taken from the film; p: the group `animate` of the parameters.
     """

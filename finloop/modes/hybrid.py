@@ -87,7 +87,7 @@ class Hybrid:
         return self.network.begin(rng)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a fish of another mode as a fish of this mode, unchanged where it can go on.
+        """Take over a fish from another mode: unchanged where it can go on, else as a sprite.
 
         A fish that a frame shows goes on in the film, if the film can play on or a gateway leads
         out. Otherwise a sprite shows it.
@@ -103,7 +103,7 @@ class Hybrid:
         return self.next_loop_stretch(fish, goal, rng)
 
     def next_network_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return sprites up to where a gateway leads into the film, or film if one does now.
+        """Return a stretch of film if a gateway leads there now, else sprites up to a gateway.
 
         Right after the film a fish is shown by sprites for at least one tick.
         """
@@ -117,7 +117,7 @@ class Hybrid:
         return stretch
 
     def enter_film(self, fish: Fish, goal: Target) -> Stretch | None:
-        """Return film entered by a gateway from the sprite on screen; None where none leads in.
+        """Return a stretch of film behind a gateway of the sprite on screen; None without one.
 
         Of the legal rows behind gateways, the one that leads nearest to the goal is taken.
         """

@@ -75,7 +75,7 @@ class Loops:
         return fish._replace(since=self.stay)  # so it may jump at once
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a fish of another mode as a fish of this mode, in the film.
+        """Take over a fish from another mode: a frame of the film shows it from now on.
 
         A frame from which the film goes on stays on screen. Otherwise the frame whose heading and
         speed are nearest to the fish's is shown. Where jumps keep the heading, the fish keeps its
@@ -105,7 +105,7 @@ class Loops:
         )
 
     def _most_similar_row(self, fish: Fish) -> int:
-        """Return the row most similar to a fish in heading and speed, of the rows that play on."""
+        """Return the film row most similar to a fish in heading and speed, which can play on."""
         film = self.film
         rows = film.lasting_rows
         differences = np.abs(film.speed[rows] - fish.speed)
@@ -114,7 +114,7 @@ class Loops:
         return int(rows[np.argmin(differences)])
 
     def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return film up to a loop end: a legal candidate, else any in the tank, else in place."""
+        """Return a stretch of film to a loop end: legal, else inside the tank, else in place."""
         candidates = self.next_candidates(fish)
         roll_outs = self.roll_out(self.next_place(fish), candidates, goal)
         taken = self.choose_candidate(candidates, roll_outs, rng)
@@ -235,10 +235,10 @@ class Loops:
         self, fish: Fish, candidates: Candidates, roll_outs: RollOuts, goal: Target,
         rng: np.random.Generator,
     ) -> Stretch:  # fmt: skip
-        """Return film from a random candidate, played in place, as none stays in the tank (§4.2).
+        """Return a stretch of film in place, as every candidate leaves the tank (§4.2).
 
-        It ends at the first loop end after `stay` rows, or at an earlier one if the film ends, or
-        after one row if there is none.
+        It plays a random candidate, up to the first loop end after `stay` rows, or to an earlier
+        one if the film ends, or for one row if there is none.
         """
         film, taken = self.film, int(rng.integers(len(candidates.rows)))
         row, rotation_deg = int(candidates.rows[taken]), float(candidates.rotations_deg[taken])
@@ -297,7 +297,7 @@ def mark_loop_ends(film: MotionGraph) -> Mask:
 def _roll_out_candidates(  # type: ignore[no-untyped-def]
     film, legal, ends, candidates, place_px, goal, least_rows, most_deg
 ):  # fmt: skip
-    """Return where the film leads from each candidate (k,), as the six columns of `RollOuts`.
+    """Play the film on from each candidate (k,); return the six columns of `RollOuts`.
 
     Each candidate is played on as long as it stays in the tank. Of the loop ends that pass the
     tests, the one nearest to the goal gives ticks, distance, touch, quadrant and verdict; the last
@@ -346,7 +346,7 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
 
 @kernel
 def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore[no-untyped-def]
-    """Return how many rows (k,) to show from each candidate to the first row of `ends`; 0 for none.
+    """Return for how many ticks (k,) each candidate plays to the first row of `ends`; 0 for none.
 
     legal (h, w): where the fish's centre may be; ends (n,): rows; place_px: x, y of the first row
     shown. There is none where the fish leaves the tank, or the film ends, before.

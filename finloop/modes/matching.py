@@ -168,7 +168,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
 def _film_rarity(
     film_data: FilmData, features: pd.DataFrame, bodies: Bodies, joins: JoinRules, weight: float
 ) -> Rarity:
-    """Return what steps from picture to picture cost: the more, the seldomer the film has them.
+    """Return the rarity of a film: what each step from picture to picture costs; rare ones more.
 
     features: of the film, scaled to the size at which the fish is drawn; weight: a step that the
     film shows once in n frames costs weight × n ticks.

@@ -91,7 +91,7 @@ class Network:
         return Fish(x, y, float(rng.uniform(-180, 180)), speed, state=SLIDE, sprite=sprite)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a fish of another mode as a fish of this mode: a sprite that slides on."""
+        """Take over a fish from another mode: it slides on, shown by a sprite."""
         if fish.row < 0:
             return fish
         sprite = int(self.sprites.cycles[SLIDE][0])
@@ -181,7 +181,7 @@ class Network:
         )  # fmt: skip
 
     def _change_into_phase(self, own: float, first: float, change: Floats) -> Floats:
-        """Return the speeds (n,), body lengths/s, of a fish that swims like a phase of the film.
+        """Return the speeds (n,), body lengths/s, of a fish that changes into a filmed phase.
 
         own: its speed before; first: that of the phase; change (n,): of the phase's speed since
         then. Within Δ the fish's own speed changes into that of the phase.
@@ -191,7 +191,7 @@ class Network:
         return np.minimum(np.maximum(speed, self.phases.low), self.phases.high)
 
     def _cycle_sprites(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
-        """Return sprites of a state's cycle (n,), their places in it (n,), and whether it is new.
+        """Play a cycle of sprites; return their numbers (n,), places in it (n,), and if it is new.
 
         speeds (n,): body lengths/s; the faster the fish, the faster the cycle is played. Places are
         sprites counted from the first one, with fractions, on from round to round. A new cycle
@@ -239,7 +239,7 @@ class Network:
     def _fit_turn(
         self, approach: GoalApproach, plan: TurnPlan, turn_number: int
     ) -> tuple[Floats, int, float]:
-        """Return a filmed turn that fits into the tank: trajectory, tick of touch, and room.
+        """Fit a filmed turn into the tank; return trajectory, tick of touch, and share of room.
 
         turn_number: of the film's turns. The trajectory (n, 3) is x, y px and heading. The tick of
         touch is the one at which the goal is touched, n if it is not. Room is the factor of the
@@ -335,7 +335,7 @@ class Network:
         )  # fmt: skip
 
     def _random_near(self, middle: int, count: int, rng: np.random.Generator) -> int:
-        """Return a random one of the `alike` numbers of 0 … count − 1 nearest to `middle`."""
+        """Return a random number near `middle`, of 0 … count − 1: one of the `alike` nearest."""
         alike = self.p.alike
         first = max(0, min(middle - alike // 2, count - alike))
         return first + int(rng.integers(min(alike, count)))

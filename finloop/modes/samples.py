@@ -16,7 +16,7 @@ _SEEDS = 100  # seeds tried for one animation: in a nearly full tank few have ro
 
 
 def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) -> pd.DataFrame:
-    """Return random animations of `seconds` s in all, as one edit list; each fish has a number.
+    """Return random animations that last `seconds` s in all, as one edit list of numbered fish.
 
     The seconds of all fish are summed. Each animation lasts `animate.seconds` at most. Its fish
     swim to random goals, then wander. Seeds whose places leave no room for all fish are skipped;

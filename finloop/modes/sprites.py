@@ -30,7 +30,7 @@ class TurnFrames:
     hold_deg: float
 
     def place_after_peak(self, deepest: int) -> int:
-        """Return the first place after the peak that bends no more than the place `deepest`.
+        """Return the first sprite's place after the peak that bends no more than at `deepest`.
 
         deepest: the most bent place that is shown, at the peak or before it; the places between
         the two are skipped. The result is the last place if all after the peak bend more.
@@ -53,7 +53,7 @@ class TurnFrames:
         return float(self.steps(deepest, held_ticks=0)[1].sum())
 
     def steps(self, deepest: int, held_ticks: int) -> tuple[Ints, Floats]:
-        """Return the numbers (k,) of a turn's sprites, and the change of heading (k,) up to each.
+        """Return a turn's sprites, numbers (k,), and the change of heading (k,) before each.
 
         deepest: place of the sprite that bends most; held_ticks: ticks for which it is held. A
         change, degrees ≥ 0 as filmed, is from the sprite before; the first is 0, as straight
@@ -142,7 +142,7 @@ def plan_turn(
 def start_from_bend(
     plan: TurnPlan, turns_by_side: dict[int, TurnFrames], side: int, sprite: int
 ) -> TurnPlan:
-    """Return a planned turn changed so that it starts from the bend that a sprite shows already.
+    """Change a planned turn so that it starts from the bend that the sprite on screen shows.
 
     side: of the planned turn; sprite: number of the one on screen; a sprite that is in no turn
     changes nothing. A bend to the same side continues. A bend that is too deep is first undone; so
