@@ -28,7 +28,7 @@ from finloop.plan.planner import Planner
 from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM
-from finloop.realism.instrument import Work, sample_film_lists
+from finloop.realism.instrument import EditList, sample_film_lists
 from stages.cluster import open_workers
 from stages.realism import (
     WORKERS_NEED,
@@ -51,12 +51,12 @@ class Swimming(NamedTuple):
     route: Route | None
 
 
-def animate_route(planner: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
+def animate_route(planner: Planner, ticks: int, seed: int, route: Route | None = None) -> EditList:
     """Animate a fish along a route until its end, or wandering without a route."""
     record = animate_fish(planner, [], ticks, np.random.default_rng(seed), route)
     if route is not None:
         ticks = min(ticks, count_ticks_on_path(record))
-    return Work(build_edit_lists([record], ticks, planner.edit_inputs))
+    return EditList(build_edit_lists([record], ticks, planner.edit_inputs))
 
 
 def routes_by_motion(
@@ -86,21 +86,22 @@ def routes_by_motion(
 
 def animations_by_motion(
     routes: dict[str, list[Swimming]], seconds: float
-) -> dict[str, list[Work]]:
+) -> dict[str, list[EditList]]:
     """Return the animations to compare, by kind of motion."""
     plans = routes["wandering"][0].plans
     rate = plans.world.motion.rate_hz
-    works: dict[str, list[Work]] = {}
+    edit_lists: dict[str, list[EditList]] = {}
     for name, swimmings in routes.items():
-        animations, left_ticks, seed = works.setdefault(f"{MODE}, {name}", []), seconds * rate, 0
+        animations = edit_lists.setdefault(f"{MODE}, {name}", [])
+        left_ticks, seed = seconds * rate, 0
         while left_ticks > rate:
             swimming_animator, route = swimmings[seed % len(swimmings)]
-            work = animate_route(
+            edit_list = animate_route(
                 swimming_animator.player, round(min(left_ticks, PIECE_S * rate)), seed, route
             )
-            animations.append(work)
-            left_ticks, seed = left_ticks - len(work.edit), seed + 1
-    return works
+            animations.append(edit_list)
+            left_ticks, seed = left_ticks - len(edit_list.edit), seed + 1
+    return edit_lists
 
 
 def film_rows(film_name: str) -> Iterator[dict[str, object]]:
@@ -109,19 +110,19 @@ def film_rows(film_name: str) -> Iterator[dict[str, object]]:
     q = replace_settings(settings_without_path(), path_own_frames=False)
     project = Project()
     rate, features = project.rate_hz, project.features
-    works = {
+    edit_lists = {
         FILM: sample_film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)
     }
-    amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
+    amount = min(p.seconds, sum(len(edit) for edit, _ in edit_lists[FILM]) / rate)
     with project, open_workers(WORKERS_NEED) as pool:
         film_data = matching_data(project, q)
         animator = matching_animator(film_data, q)
         size = animator.pictures.reel.scale
-        works |= animations_by_motion(routes_by_motion(film_data, animator, q), amount)
+        edit_lists |= animations_by_motion(routes_by_motion(film_data, animator, q), amount)
         pictures, instrument = GalleryOpener(project), build_instrument(project)
         drawn = instrument.adapt_to_animation(size)
-        instruments = {name: instrument if name == FILM else drawn for name in works}
-        measured = measure_swimming(works, pictures, instruments, pool)
+        instruments = {name: instrument if name == FILM else drawn for name in edit_lists}
+        measured = measure_swimming(edit_lists, pictures, instruments, pool)
         sample = compare.build_film_sample(measured[FILM], features, rate, p)
         sides = sample.comparison_windows(
             {k: v for k, v in measured.items() if k != FILM}, features

@@ -378,7 +378,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     shows_sprites = mode in ("network", "hybrid")
     film_data = FilmData(
         learn_motion(reel.features, film.rate_hz, infer_delta_frames(reel.features)), film.arena,
-        tracks.background, reel if shows_sprites else Reel(reel.features, reel.film),
+        tracks.background, reel if shows_sprites else Reel(reel.features, reel.cutouts),
         FilmOutlines.from_rows(outline_px, reel.features), poses, similar.facts, similar.steps,
     )  # fmt: skip
     common = p["animate"]
@@ -436,7 +436,7 @@ def write_video(
     `changes` override crf and shadow_darkness of `finloop.render.settings.RenderSettings`.
     """
     p = settings("render", **changes)
-    stores = {FRAME: reel.film}
+    stores = {FRAME: reel.cutouts}
     if reel.store is not None:
         stores[SPRITE] = reel.store
     bodies = Bodies(poses, reel.has_next_frame, reel.sprites)

@@ -27,9 +27,9 @@ from finloop.realism.auc import compute_roc
 from finloop.realism.compare import FilmSample, Sides, Verdict
 from finloop.realism.examples import FILM
 from finloop.realism.instrument import (
+    EditList,
     Instrument,
     Swimming,
-    Work,
     join_measurements,
     measure_edit_list,
     sample_film_lists,
@@ -63,57 +63,58 @@ class GalleryOpener:
         return nullcontext(self.project.whole_gallery)
 
 
-def _followed_share(followed_ticks: Sized, work: list[Work]) -> float:
+def _followed_share(followed_ticks: Sized, lists: list[EditList]) -> float:
     """Return the share (0 … 1) of the ticks of edit lists in which extraction followed the fish.
 
-    followed_ticks: an entry for each tick with a followed fish. work: the edit lists.
+    followed_ticks: an entry for each tick with a followed fish. lists: the edit lists.
     """
-    return len(followed_ticks) / max(1, sum(len(edit) for edit, _ in work))
+    return len(followed_ticks) / max(1, sum(len(edit) for edit, _ in lists))
 
 
 def measure_swimming(
-    works: dict[str, list[Work]], pictures: GalleryOpener, instruments: dict[str, Instrument],
-    pool: Workers, kept: KeptResults = NOTHING_KEPT,
+    edit_lists: dict[str, list[EditList]], pictures: GalleryOpener,
+    instruments: dict[str, Instrument], pool: Workers, kept: KeptResults = NOTHING_KEPT,
 ) -> dict[str, Swimming]:  # fmt: skip
     """Draw the edit lists of film and modes, and measure the fish in them by extraction.
 
-    works, instruments: edit lists, and how to extract the fish from their pictures, by mode or
+    edit_lists, instruments: edit lists, and how to extract the fish from their pictures, by mode or
     FILM. kept: feature tables of an earlier run. Return the measured swimming by the same names; a
     name without a followed fish is left out.
     """
     tables = {
-        name: kept.load(name, "parquet", partial(load_frames, count=len(work)))
-        for name, work in works.items()
+        name: kept.load(name, "parquet", partial(load_frames, count=len(lists)))
+        for name, lists in edit_lists.items()
     }
     new = [name for name, kept_tables in tables.items() if kept_tables is None]
-    jobs = [(instruments[name], work) for name in new for work in works[name]]
-    ticks = sum(len(work.edit) for _, work in jobs)
+    jobs = [(instruments[name], edit_list) for name in new for edit_list in edit_lists[name]]
+    ticks = sum(len(edit_list.edit) for _, edit_list in jobs)
     with report_progress("realism", ticks, "ticks") as advance:
         results = ordered_map(partial(measure_edit_list, pictures), jobs, pool)
         for name in new:  # in the order of the jobs, and so of the results
             tables[name] = []
-            for edit, _ in works[name]:
+            for edit, _ in edit_lists[name]:
                 tables[name].append(next(results))
                 advance(len(edit))
             kept.save(name, "parquet", partial(save_frames, frames=tables[name]))
-    return _join_measured(works, tables, instruments)
+    return _join_measured(edit_lists, tables, instruments)
 
 
 def _join_measured(
-    works: dict[str, list[Work]], tables: dict[str, list[pd.DataFrame]],
+    edit_lists: dict[str, list[EditList]], tables: dict[str, list[pd.DataFrame]],
     instruments: dict[str, Instrument],
 ) -> dict[str, Swimming]:  # fmt: skip
     """Join the feature tables of each mode and of FILM; print a note where few ticks are measured.
 
-    tables: by name, one for each edit list in `works`. A name without a followed fish is left out.
+    tables: by name, one for each edit list in `edit_lists`. A name without a followed fish is left
+    out.
     """
     measured: dict[str, Swimming] = {}
-    for name, work in works.items():
+    for name, lists in edit_lists.items():
         followed, share = tables[name], 0.0
         if any(map(len, followed)):
-            edits, rate_hz = [edit for edit, _ in work], instruments[name].rate_hz
+            edits, rate_hz = [edit for edit, _ in lists], instruments[name].rate_hz
             measured[name] = join_measurements(edits, followed, rate_hz)
-            share = _followed_share(measured[name].row, work)
+            share = _followed_share(measured[name].row, lists)
         if share < LEAST_SHARE:
             print(f"realism: extraction followed the fish of {name} in {100 * share:.0f} % of the "
                   "ticks, and the numbers use only these; look at the film from "
@@ -172,12 +173,13 @@ def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int)
 
 
 def _save_report(
-    folder: Path, verdicts: dict[str, Verdict], sample: FilmSample, works: dict[str, list[Work]],
-    measured: dict[str, Swimming],
+    folder: Path, verdicts: dict[str, Verdict], sample: FilmSample,
+    edit_lists: dict[str, list[EditList]], measured: dict[str, Swimming],
 ) -> None:  # fmt: skip
     """Write auc.csv and roc.csv to `folder`, and the metrics to reports/realism/.
 
-    verdicts: by comparison. works, measured: edit lists and measured swimming, by mode or FILM.
+    verdicts: by comparison. edit_lists, measured: edit lists and measured swimming, by mode or
+    FILM.
     """
     save_csv(folder / "auc.csv", compare.verdict_table(verdicts), decimals=4)
     curves = [compute_roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
@@ -188,7 +190,7 @@ def _save_report(
     for name, result in measured.items():
         numbers |= {
             f"{name}_s": len(result.row) / sample.rate_hz,
-            f"{name}_followed_pct": 100 * _followed_share(result.row, works[name]),
+            f"{name}_followed_pct": 100 * _followed_share(result.row, edit_lists[name]),
         }
     save_metrics(REPORT / "metrics.json", numbers)
 
@@ -226,18 +228,18 @@ def _compare_swimming(
     # By mode or FILM: edit lists to draw, and how the fish in their pictures are measured.
     film_instrument = build_instrument(project)
     longest, most = round(animation_s * rate), round(p.seconds * rate)
-    works = {FILM: sample_film_lists(features, longest=longest, most=most, seed=p.seed)}
+    edit_lists = {FILM: sample_film_lists(features, longest=longest, most=most, seed=p.seed)}
     instruments = {FILM: film_instrument}
     mode_inputs = {}  # what a mode's results depend on beside INPUTS, on which all depend
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
         if path.exists():  # the film shows enough for this mode
             scale = project.drawn_scale(mode)
-            works[mode] = [Work(edit) for edit in split_by_fish(load_table(path, EDIT))]
+            edit_lists[mode] = [EditList(edit) for edit in split_by_fish(load_table(path, EDIT))]
             instruments[mode] = film_instrument.adapt_to_animation(scale)
             mode_inputs[mode] = [path_digest(path), scale]
     kept = open_kept("realism", INPUTS, mode_inputs)  # results of an earlier run
-    measured = measure_swimming(works, GalleryOpener(project), instruments, pool, kept)
+    measured = measure_swimming(edit_lists, GalleryOpener(project), instruments, pool, kept)
     if FILM not in measured:
         raise FinloopError(
             "the film was drawn again from its cut-outs, and no fish was found in that film",
@@ -249,12 +251,12 @@ def _compare_swimming(
     sides = sample.comparison_windows(animated, features)
     verdicts = classify_all(sides, p, pool, kept)
     with whole_folder(OUT) as folder:
-        windows, curves = examples.find_examples(sample, works, measured, sides, verdicts)
+        windows, curves = examples.find_examples(sample, edit_lists, measured, sides, verdicts)
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)
         save_table(folder / "curves.parquet", curves, examples.CURVES)
         if len(windows):
             _save_film(folder / "examples.mp4", windows, project, p.slower)
-        _save_report(folder, verdicts, sample, works, measured)
+        _save_report(folder, verdicts, sample, edit_lists, measured)
 
 
 if __name__ == "__main__":

@@ -113,7 +113,7 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
     with Project() as project:
         animator = open_mode(project)
         reel, bodies = animator.pictures.reel, animator.pictures.bodies
-        cutout_sets = build_cutout_sets({FRAME: reel.film}, project.tracks(PLACE), None)
+        cutout_sets = build_cutout_sets({FRAME: reel.cutouts}, project.tracks(PLACE), None)
         gallery = Gallery(cutout_sets, bodies)
         mm_per_px = _mm_per_px(
             fish_mm, animator.world.motion.body_length_px, project.facts.mm_per_px, reel.scale

@@ -33,7 +33,7 @@ from finloop.animate.arena import (
     size_that_fits,
     tank_area,
 )
-from finloop.animate.kinematics import Ahead, Target, Turning
+from finloop.animate.kinematics import StraightSwim, Target, Turning
 from finloop.animate.motion import learn_motion
 from finloop.animate.shoal import plan_edit_list
 from finloop.base.distributions import wasserstein_distance
@@ -92,8 +92,8 @@ def test_without_an_arena_the_fish_is_where_animals_were_filmed():
 def test_a_film_that_shows_the_tank_piece_by_piece_is_too_short_to_tell_where_it_ends():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
     order = np.argsort(wide[:, 0, 0])  # from left to right: each half of the film shows a half
-    assert FilmHulls(wide).are_complete
-    assert not FilmHulls(wide[order]).are_complete
+    assert FilmHulls(wide).show_whole_tank
+    assert not FilmHulls(wide[order]).show_whole_tank
     floor = np.random.default_rng(0).integers(140, 160, (160, 200)).astype(np.uint8)
     assert tank_area(whole, FilmHulls(wide[order]), "auto", floor).all()
     there = tank_area(whole, FilmHulls(wide), "auto", floor)
@@ -102,12 +102,12 @@ def test_a_film_that_shows_the_tank_piece_by_piece_is_too_short_to_tell_where_it
     unknown_floor = tank_area(whole, FilmHulls(wide[order]), "auto")
     assert np.array_equal(unknown_floor, there)
     both = np.concatenate([wide[order], wide[order][::-1]])  # and back again
-    assert FilmHulls(both).are_complete
+    assert FilmHulls(both).show_whole_tank
     assert np.array_equal(tank_area(whole, FilmHulls(both), "auto", floor), there)
     rests = np.concatenate([wide, wide[order][:20].repeat(2, 0)])
     # A half that adds little shows that there is little to add.
-    assert FilmHulls(rests).are_complete
-    assert not FilmHulls(wide[:1]).are_complete
+    assert FilmHulls(rests).show_whole_tank
+    assert not FilmHulls(wide[:1]).show_whole_tank
 
 
 @pytest.mark.parametrize(("beyond", "same"), [(0, True), (10, True), (60, False), (-60, False)])
@@ -233,7 +233,9 @@ def test_ahead_is_along_the_heading_with_y_down_and_left_to_its_left():
 def test_straight_ahead_goes_straight_ahead():
     start = np.array([100.0, 500.0, 30.0])
     none = np.zeros(50)
-    way, good, touched = step.swim_ahead(OPEN, start, Ahead(np.full(50, 4.0), none, none), FAR)
+    way, good, touched = step.swim_ahead(
+        OPEN, start, StraightSwim(np.full(50, 4.0), none, none), FAR
+    )
     assert (good, touched) == (50, 50)
     assert way[-1] == pytest.approx([100 + 200 * np.cos(np.pi / 6), 400.0, 30.0])
 
@@ -241,15 +243,15 @@ def test_straight_ahead_goes_straight_ahead():
 def test_a_wall_is_seen_from_the_distance_in_which_one_can_stop():
     start = np.array([900.0, 500.0, 0.0])
     none = np.zeros(50)
-    _, good, _ = step.swim_ahead(OPEN, start, Ahead(np.full(50, 4.0), none, none), FAR)
+    _, good, _ = step.swim_ahead(OPEN, start, StraightSwim(np.full(50, 4.0), none, none), FAR)
     assert good == 24  # 900 + 4 · 24 = 996; the next stands at 1000
-    _, good, _ = step.swim_ahead(OPEN, start, Ahead(np.full(50, 4.0), none, none + 40), FAR)
+    _, good, _ = step.swim_ahead(OPEN, start, StraightSwim(np.full(50, 4.0), none, none + 40), FAR)
     assert good == 14
 
 
 def test_a_goal_is_touched_by_the_head_before_the_centre():
     start, none = np.array([100.0, 500.0, 0.0]), np.zeros(100)
-    swim = Ahead(np.full(100, 4.0), none, none)
+    swim = StraightSwim(np.full(100, 4.0), none, none)
     for head, tick in ((0.0, 48), (16.0, 44)):  # 100 + 4 · 49 = 296, 4 px before the goal
         assert step.swim_ahead(OPEN, start, swim, Target(300.0, 500.0, 4.0, head))[2] == tick
 

@@ -177,7 +177,7 @@ def test_a_frame_and_a_sprite_of_it_are_drawn_alike(pictures):
 
 def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(pictures):
     for row in (0, 5, 9):
-        cutout, centre = pictures.reel.film[row], pictures.reel.centres_px[row]
+        cutout, centre = pictures.reel.cutouts[row], pictures.reel.centres_px[row]
         wanted = draw_centred_cutout(cutout, centre, LENGTH, SIZE, 25.0)
         assert np.array_equal(pictures(FRAME, row, pd.NA, 25.0, 1.0, False), wanted)
     drawn = (pictures(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1] for scale in (1.0, 2.0))
@@ -229,7 +229,7 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rotation_deg):
     assert list(ticks) == [3]
     ahead = [
         draw_centred_cutout(
-            pictures.reel.film[row], pictures.reel.centres_px[row], LENGTH, SIZE, -angle
+            pictures.reel.cutouts[row], pictures.reel.centres_px[row], LENGTH, SIZE, -angle
         )
         for row, angle in ((3, 30.0), (10, 80.0))
     ]

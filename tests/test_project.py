@@ -54,7 +54,7 @@ def test_a_file_is_loaded_once(project, monkeypatch):
 
 def test_parts_of_a_project_belong_to_each_other(project):
     assert project.reel.features is project.film_reel.features is project.features
-    assert project.reel.film is project.film_reel.film is project.cutouts
+    assert project.reel.cutouts is project.film_reel.cutouts is project.cutouts
     columns = project.tracks(["x_px", "y_px"])
     assert list(columns) == ["x_px", "y_px"] and len(columns) == len(project.features)
     edit = project.edit_list("network", "render")

@@ -33,7 +33,7 @@ from finloop.project import Project
 from finloop.realism import examples
 from finloop.realism.auc import Scores, compute_auc, compute_roc
 from finloop.realism.compare import FilmSample, classify_windows
-from finloop.realism.instrument import Instrument, Swimming, Work, join_measurements
+from finloop.realism.instrument import EditList, Instrument, Swimming, join_measurements
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
     CHANNELS,
@@ -443,9 +443,12 @@ def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, caps
 
 
 def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
-    works = {"film": [], "network": [Work(filmed_edit_list(np.arange(3), np.ones((3, 2))))]}
+    edit_lists = {
+        "film": [],
+        "network": [EditList(filmed_edit_list(np.arange(3), np.ones((3, 2))))],
+    }
     nothing = pd.DataFrame(columns=FEATURES.names)
     monkeypatch.setattr(stages.realism, "measure_edit_list", lambda *_: nothing)
-    how = GalleryOpener(Project()), dict.fromkeys(works, instrument_of(carp)), Processes()
-    assert stages.realism.measure_swimming(works, *how) == {}
+    how = GalleryOpener(Project()), dict.fromkeys(edit_lists, instrument_of(carp)), Processes()
+    assert stages.realism.measure_swimming(edit_lists, *how) == {}
     assert "the fish of network in 0 %" in capsys.readouterr().err

@@ -201,8 +201,8 @@ class FilmHulls:
         return [_convex_hull(part) for part in parts]
 
     @property
-    def are_complete(self) -> bool:
-        """Return whether the animals have been everywhere: half of the film fills as much area.
+    def show_whole_tank(self) -> bool:
+        """Return whether half of the film's outlines fill nearly as much area as all of them.
 
         The mean area of the two halves is compared with that of the whole. If False, the animals
         have not been everywhere that they can be: a longer film would show more.
@@ -274,9 +274,9 @@ def tank_area(
     hulls: of the film's outlines; floor: the empty tank, None if unknown.
     tank_setting: "arena", "filmed" (the part where animals were filmed) or "auto". "auto" is the
     arena in three cases: it is less than the whole picture, that is, it was given; the animals
-    filled less than a quarter of the picture, as in a current; or the film is too short to show the
-    tank (not `FilmHulls.are_complete`), and the floor is known and looks the same beyond. Otherwise
-    "auto" is the filmed part, as there may be no floor elsewhere.
+    filled less than a quarter of the picture, as in a current; or the film is too short (see
+    `FilmHulls.show_whole_tank`), and the floor is known and looks the same beyond. Otherwise "auto"
+    is the filmed part, as there may be no floor elsewhere.
     """
     if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena
@@ -287,7 +287,7 @@ def tank_area(
         return filmed
     if filmed.mean() < _LEAST_FILMED:
         return arena
-    if floor is None or hulls.are_complete:
+    if floor is None or hulls.show_whole_tank:
         return filmed
     return arena if is_floor_alike_beyond(floor, filmed) else filmed
 
@@ -352,7 +352,7 @@ def place_goals(
             continue
         x, y = map(float, pair)
         if unit == "tank":
-            x, y = _place_share(x, y, tank, touch_px)
+            x, y = _goal_from_shares(x, y, tank, touch_px)
         goals.append(Goal(name, x, y))
         if not is_legal_point(tank.arena, x, y):
             problems.append(f"{name}: ({x:.0f}, {y:.0f}) px is outside the tank")
@@ -367,7 +367,7 @@ def place_goals(
     return goals
 
 
-def _place_share(
+def _goal_from_shares(
     share_x: float, share_y: float, tank: Tank, touch_px: float
 ) -> tuple[float, float]:
     """Convert a goal from shares of the tank's width and height to x, y px; move it into reach.

@@ -39,7 +39,7 @@ def next_aim(tank: Tank, place_px: tuple[float, float], goal: Target, near_px: f
     return goal._replace(x=float(x), y=float(y))
 
 
-class Ahead(NamedTuple):
+class StraightSwim(NamedTuple):
     """Straight swimming, tick by tick (n,): speed, drift of the heading, and stopping distance.
 
     forward: px per tick; drift: change of the heading since the start, degrees; brake: px that the
@@ -129,7 +129,7 @@ def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
 
 
 @kernel
-def swim_ahead(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
+def swim_ahead(legal: Mask, start: Floats, swim: StraightSwim, goal: Target):  # type: ignore[no-untyped-def]
     """Swim straight on; return the trajectory, the number of safe ticks, and the tick of touch.
 
     legal (h, w): where the fish's centre may be; start (3,): x, y px, heading in degrees; swim:

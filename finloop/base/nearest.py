@@ -84,7 +84,7 @@ class Nearest:
     def choose(
         self, queries: Floats | Vectors, count: int, choice: Choice, most: int | None = None
     ) -> tuple[NDArray[Any], ...]:
-        """Return the arrays (k, …) that a rule chooses from the nearest vectors of queries (k, d).
+        """Let a rule choose among the nearest vectors of each query (k, d); return its arrays.
 
         choice: the rule, a function of query numbers (j,) and of the numbers (j, l) of the vectors
         nearest to each. It returns its arrays (j, …), and a mask (j,): for which queries the l
@@ -116,7 +116,7 @@ def _may_have_more(near: Ints) -> Mask:
 
 
 def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
-    """Divide a film of n rows into parts of about `most` rows; return each row's part number (n,).
+    """Divide a long film of n rows into parts of about `most` rows; return part numbers (n,).
 
     Stretches of `stretch` rows go to the parts in turn, so each part is spread over the film. In a
     film of hours a row's nearest rows are so near that all continue alike; within a part they
@@ -127,5 +127,5 @@ def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
 
 
 def _unpickle(index: NDArray[np.uint8], recall: float) -> Nearest:
-    """Return the index of nearest neighbours from its bytes (FAISS writes them) and recall."""
+    """Restore an index of nearest neighbours from the bytes that FAISS wrote, and its recall."""
     return Nearest(faiss.deserialize_index(index), recall)

@@ -100,7 +100,7 @@ def mix_colours(a: Colour, b: Colour, share: float) -> Colour:
 
 
 def mix_paints(a: Paint, b: Paint, share: float) -> Paint:
-    """Return the paint between a and b; share: 0 gives what a shows, 1 what b shows.
+    """Mix two paints; share: 0 gives what a shows, 1 what b shows.
 
     A fill or stroke that only one of them has becomes transparent towards the other. A line without
     dashes counts as the other's dashes without gaps.
@@ -135,7 +135,7 @@ def _mix(a: float, b: float, share: float) -> float:
 
 
 def _give_dashes(line: Paint, other: Paint) -> Paint:
-    """Return a line with dashes: its own, or the other's, each as long as its gap and itself."""
+    """Return a line with dashes: its own, else those of the other, lengthened to fill the gaps."""
     if line.dashes:
         return line
     pairs = zip(other.dashes[::2], other.dashes[1::2], strict=True)
@@ -253,7 +253,7 @@ def colours_at(gradient: Gradient, offsets: Points) -> Points:
 
 
 def _to_matrix(values: Points) -> tuple[float, float, float, float, float, float]:
-    """Return six numbers as the matrix of a gradient."""
+    """Convert an array of six numbers to the matrix of a gradient, a tuple of floats."""
     a, b, c, d, e, f = values.tolist()
     return a, b, c, d, e, f
 

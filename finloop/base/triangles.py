@@ -58,9 +58,10 @@ def triangulate(points: Points, sizes: Sequence[int]) -> tuple[Ints, bool]:
 
 
 def double_areas(points: Points, others: Points, triangles: Ints) -> Floats:
-    """Return u × w (t,): twice the area where both are the same.
+    """Return twice the signed area (t,) of each triangle (t, 3), with an edge from each point set.
 
-    u: the first edge of each triangle (t, 3) in points (n, 2); w: the third one in others (n, 2).
+    It is u × w, with u the edge from the first to the second vertex in `points` (n, 2), and w that
+    from the first to the third in `others` (n, 2). It is an area if both sets are the same.
     """
     u = points[triangles[:, 1]] - points[triangles[:, 0]]
     w = others[triangles[:, 2]] - others[triangles[:, 0]]

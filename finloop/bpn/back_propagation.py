@@ -71,12 +71,12 @@ def unit_output(weights, signals):  # type: ignore[no-untyped-def]
 
 @kernel
 def learn_epoch(x, t, weights, velocity, learning_rate, momentum):  # type: ignore[no-untyped-def]
-    """Learn once from every row by back-propagation (§3.1); change weights and velocity in place.
+    """Train the network once on every row by back-propagation (§3.1), in place.
 
     x (n, 5): scaled inputs and a 1; t (n, 2): scaled targets, in 0 … 1; both are used in their
-    order. weights, velocity: flat, of the hidden layer and then of the output layer, each unit's
-    bias last. After each row velocity ← momentum · velocity - learning rate · ∂E/∂weights, and
-    weights ← weights + velocity.
+    order. weights, velocity: changed; flat, of the hidden layer and then of the output layer, each
+    unit's bias last. After each row velocity ← momentum · velocity - learning rate · ∂E/∂weights,
+    and weights ← weights + velocity.
     """
     first, second = split_layers(weights)
     first_velocity, second_velocity = split_layers(velocity)

@@ -168,7 +168,7 @@ def _squared_distances(x: Float32s, norms: Float32s, rectangle: MapBlock) -> Flo
 def _recompute_small_squares(
     x: Float32s, norms: Float32s, rectangle: MapBlock, block_squares: Float32s
 ) -> None:
-    """Compute small squared distances again, in place, where rounding spoils their root.
+    """Recompute small squared distances, in place, whose roots rounding errors would spoil.
 
     block_squares: squared distances in a rectangle of the map; those whose root may be off by more
     than EXACT are replaced. An error e of a square d² is an error e / 2d of its root, and e is up
@@ -292,7 +292,7 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 def natural_step_table(
     features: pd.DataFrame, x: Float32s, picture_row: Ints, step_frames: int
 ) -> pd.DataFrame:
-    """Return how much the picture changes from each row to a later frame of its track (Eq. 5).
+    """Measure natural steps: the change of the picture from each row to a later frame (Eq. 5).
 
     features (n rows); x: pictures as rows; picture_row (n,): the row of x with the picture of each
     row of `features`; step_frames: how many frames later. Columns: track_id, frame, and step (the
@@ -359,7 +359,7 @@ def list_map_blocks(features: pd.DataFrame, settings: DistanceSettings) -> list[
 
 
 def _choose_and_sort_rows(features: pd.DataFrame, settings: DistanceSettings) -> SortedRows:
-    """Return the rows to compare, and their order: all of the film, or stretches of a longer one.
+    """Choose the rows to compare, all or stretches of a long film, and sort them.
 
     Stretches are drawn at random until they have `max_rows` rows.
     """

@@ -37,7 +37,7 @@ def draw_centred_cutout(
 
 
 def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
-    """Return a picture (h, w, channels) blurred, so that drawing it `scale` times as large works.
+    """Blur a picture (h, w, channels) so that it can be drawn `scale` times as large, scale < 1.
 
     A linear filter skips pixels where it shrinks; the blur replaces an area filter, σ = 0.4 px of
     the small picture. From a scale of 0.75 on, no pixel is skipped, and the picture is returned.
@@ -46,7 +46,7 @@ def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
 
 
 def typical_lengths_px(features: pd.DataFrame) -> pd.Series:
-    """Return the typical length [px] of the animal in each row of the feature table.
+    """Return the typical body length [px] of the animal in each row of the feature table.
 
     It is the track's median, drawn towards the mean of all tracks as far as it is uncertain: a
     mouse that is visible for a moment, curled up, is no shorter mouse. With e² the variance of a

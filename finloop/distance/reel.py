@@ -39,14 +39,14 @@ def sprite_store_row(sprite: int, orientation: int, orientations: int) -> int:
 class Reel:
     """A film's fish, row by row: features and cut-outs (pixels with alpha), and the sprites.
 
-    features (n rows): track_id, frame, x_px, y_px, heading_deg, body_length_px; film: the n
+    features (n rows): track_id, frame, x_px, y_px, heading_deg, body_length_px; cutouts: the n
     cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations; scale: how
     many times as large as filmed all fish are drawn. FinloopError if tables and stores are not of
     one film.
     """
 
     features: pd.DataFrame
-    film: Cutouts
+    cutouts: Cutouts
     sprites: pd.DataFrame = field(default_factory=pd.DataFrame)
     store: Cutouts | None = None
     scale: float = 1.0
@@ -54,8 +54,8 @@ class Reel:
     def __post_init__(self) -> None:
         keys = self.features[_KEY].to_numpy()
         problems = []
-        if not np.array_equal(keys, self.film.index[_KEY].to_numpy()):
-            problems.append(f"{len(self.film)} cut-outs are not those of the {len(keys)} rows")
+        if not np.array_equal(keys, self.cutouts.index[_KEY].to_numpy()):
+            problems.append(f"{len(self.cutouts)} cut-outs are not those of the {len(keys)} rows")
         if len(self.sprites):
             rows = self.sprites["row"].to_numpy()
             keys_of_rows = keys[rows] if rows.max() < len(keys) else keys[:0]
@@ -135,7 +135,7 @@ class Reel:
         filmed.
         """
         return draw_centred_cutout(
-            self.film[int(row)], self.centres_px[row], length_px, size_px, turn_deg
+            self.cutouts[int(row)], self.centres_px[row], length_px, size_px, turn_deg
         )
 
     def draw_rows(self, rows: Rows, size_px: int, pose: str) -> Pictures:
@@ -152,7 +152,7 @@ class Reel:
 
         heading_deg (k,): the direction in the film that points right in the picture.
         """
-        channels = self.film[0].pixels.shape[2]
+        channels = self.cutouts[0].pixels.shape[2]
         # A list would double the memory.
         pictures = np.empty((len(rows), size_px, size_px, channels), np.float32)
         for number, (row, heading) in enumerate(zip(rows.tolist(), heading_deg, strict=True)):

@@ -177,12 +177,12 @@ class Bodies:
         return self._mirror_codes(self._code_velocities[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
-        """Return pose codes (…, c), those mirrored that a mask (…) marks."""
+        """Mirror those pose codes (…, c) that a mask (…) marks; return all codes."""
         return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror_matrix, codes)
 
 
 def resting_rows(bodies: Bodies, share: float) -> Mask:
-    """Return a mask (n,) of the rows at which the animal keeps its place and posture.
+    """Return the rows, as a mask (n,), at which the animal rests: it keeps place and posture.
 
     There the centre and the body about it move, since the row before, less than `share` of the
     film's root mean square movement. Nothing may move the fish there: a picture that stays the same

@@ -92,9 +92,9 @@ def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any
 
 
 def _fill_column(values: Sequence[str | int | float], at_ticks: Ints, ticks: int) -> Any:
-    """Return a column (ticks,) with values (k,), all of one type, at some ticks (k,).
+    """Return a column (ticks,) that has the given values (k,) at some ticks (k,), else null.
 
-    At the others it is null: None beside text, for which "" counts as null, too; NaN beside floats.
+    Values are of one type. Null is None beside text, for which "" is null, too; NaN beside floats.
     """
     if isinstance(values[0], str):
         text = np.full(ticks, None, dtype=object)
@@ -161,7 +161,7 @@ def edit_columns(
 def resolve_mirror_images(
     frame: Mask, number: Ints, rotation_deg: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Return pictures (ticks,) in which number n + i, the mirror image of row i, is row i mirrored.
+    """Replace numbers n + i, the mirror images of rows i, by rows i drawn mirrored: (ticks,).
 
     frame (ticks,): whether each picture is a frame; number (ticks,): its row i, n + i for row i
     upside down, or a sprite; rotation_deg (ticks,): of frames; heading_deg (n,): of the rows as

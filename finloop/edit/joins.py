@@ -153,7 +153,7 @@ class InertializedPictures(NamedTuple):
 def inertialize_pictures(
     shown: PictureSequence, line_deg: Floats, rules: JoinRules
 ) -> InertializedPictures:
-    """Return the joins in pictures (ticks,), and the poses and rotations that make them smooth.
+    """Find the joins in pictures (ticks,); return them, and poses and rotations to smooth them.
 
     line_deg (ticks,): direction in which the fish swims and in which sprites are drawn, degrees.
     """
@@ -230,7 +230,7 @@ def _remaining_offsets(
 
 
 def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[Floats, Floats]:
-    """Return the offset of the body at each join, and that of its velocity per tick.
+    """Return the offset of the body at each join, and of its velocity per tick.
 
     Both are the body that the film would show minus the drawn one, (ticks, c + 1), 0 at other
     ticks: c pose codes (principal-component scores), then the heading in degrees. drawn: bodies of
@@ -255,7 +255,7 @@ def _join_offsets(drawn: Body, old: Body, joins: Ints, bodies: Bodies) -> tuple[
 def cross_fade_partners(
     shown: PictureSequence, begins: Ints, fade: int, following: Callable[[str, int], int]
 ) -> tuple[PictureSequence, Floats]:
-    """Return the pictures (ticks,) that fade out, and their shares (ticks,): 0 where none does.
+    """Return the pictures (ticks,) that fade out in cross-fades, and their shares (ticks,), or 0.
 
     shown: the pictures that fade in. From each tick of `begins` on, the old picture plays on for
     `fade` ticks, and its share falls. following(kind, number): returns the number of the picture

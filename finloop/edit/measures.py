@@ -56,7 +56,7 @@ def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
-    """Return by how much the sprites of turns miss the motion area that the network asked for.
+    """Return how far the sprites of turns are from the motion area that the network asked for.
 
     `turn_area_missed_median`: median difference between the requested area and that of the turn's
     most bent sprite, as a share of the film's largest. {} without such turns (Fig. 18).
@@ -158,7 +158,7 @@ def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
 def rhythm_measures(
     edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
 ) -> dict[str, float]:
-    """Return, by name, how long a picture stays at most, and how often and how soon the film jumps.
+    """Return the longest still time, the number of film jumps, and the shortest time between them.
 
     `longest_still_s`: longest time of one picture; `jumps_of_the_film`: number of jumps from frame
     to frame; `shortest_stay_s`: least time between two of them, NaN with fewer than two. jumps

@@ -43,7 +43,7 @@ class Pictures:
         """
         reel, turn = self.reel, float(rotation_deg)
         if kind == FRAME:
-            centre, cutout = reel.centres_px[source], reel.film[source]
+            centre, cutout = reel.centres_px[source], reel.cutouts[source]
         else:
             centre, cutout = reel.sprite_centres_px[source], reel.read_sprite(source, orientation)
         is_flipped = kind == FRAME and mirrored
@@ -69,7 +69,7 @@ class Pictures:
     def draw_body(self, body: Body, target: Pose) -> Picture:
         """Draw a filmed body in a target pose; return the picture (size, size, channels)."""
         row, size = int(body.row), (self.size, self.size)
-        cutout, pose = self.reel.film[row], self.bodies.poses.pose[row]
+        cutout, pose = self.reel.cutouts[row], self.bodies.poses.pose[row]
         return draw_in_pose(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
 
     @cached_property
@@ -95,7 +95,7 @@ def cross_fade_distance(row: Any, pictures: Pictures) -> float:
 
 
 def remove_ghost_fades(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
-    """Return an edit list without the cross-fades of pictures so unlike that two fish are seen.
+    """Remove the cross-fades of pictures so unlike that two fish are seen; return the edit list.
 
     most: the largest Euclidean distance (Eq. 5) of pictures that are mixed. A partner once removed
     does not come back in the same cross-fade.
@@ -162,7 +162,7 @@ def measure_discontinuities(
 
 
 def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Picture]:
-    """Return both pictures of a join headed right: the new one, and the one the film would show.
+    """Draw both pictures of a join headed right: the new one, and the one the film would show.
 
     before, now: rows of an edit list, a tick apart; the film would show what follows `before`. If
     both rows have a pose, both pictures are drawn in that of `now`.

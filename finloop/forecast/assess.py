@@ -148,7 +148,7 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
 def _controlled_motion(
     sampler: Sampler, film: FilmStates, row: int, control: Floats, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """Return the displacement [body lengths] and turn [rad] of a controlled fish over the time Δ.
+    """Simulate a controlled fish for the time Δ; return its displacement [BL] and turn [rad].
 
     row: at which the fish starts.
     """

@@ -110,7 +110,7 @@ class _Sample(NamedTuple):
 
 
 def _make_sample(film: FilmStates, rows: Ints) -> _Sample:
-    """Return what the network learns from rows (m,) of a film: pasts, controls and next states."""
+    """Return the network's learning material from rows (m,): pasts, controls and next states."""
     arrays = (
         film.past(rows) / film.scale, film.control[rows] / film.control_scale,
         film.states[rows + 1] / film.scale,
@@ -122,7 +122,9 @@ def _learn_epoch(
     network: _Network, adam: torch.optim.Optimizer, sample: _Sample, number_weights: Tensor,
     p: ForecastSettings, generator: torch.Generator,
 ) -> None:  # fmt: skip
-    """Show the network the sample once, in random batches of equal size, with noise on the past.
+    """Train the network once on the whole sample, in random batches, with noise on the past.
+
+    Batches have equal sizes.
 
     What does not fill a last batch is left out. number_weights (d,): of each state number's error.
     """

@@ -102,7 +102,7 @@ class Forecast:
 
 
 def restore_forecast(**content: Any) -> Forecast:
-    """Return the network that the fields of `Forecast.record` describe.
+    """Restore the network from the fields of `Forecast.record`.
 
     KeyError, TypeError or ValueError if a field is missing or has another size, or if weights,
     biases or `mirror` are not finite.

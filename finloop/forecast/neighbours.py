@@ -83,7 +83,7 @@ def _make_symmetric(
 
 
 def _embed_pasts(film: FilmStates, rows: Ints, fade_deltas: float) -> NDArray[np.float32]:
-    """Return vectors (m, l d) of rows (m,): their Euclidean distance is how unlike their pasts are.
+    """Return a vector (m, l d) of the past of each row (m,); near vectors mean similar pasts.
 
     fade_deltas: age, in units of Δ, at which a past state counts half.
     """
@@ -188,7 +188,7 @@ def _choose_passages(
     rows: Ints, batch: Ints, looks: NDArray[np.float32], most_apart: float, queries: Ints,
     near: Ints, most_examined: int, apart_rows: int, count: int,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Choose for each query the nearest rows that look alike, at most one of each passage of film.
+    """Choose for each query its nearest rows that look alike, at most one of each film passage.
 
     The queries are the rows rows[batch[queries]]. Returns rows (k, count), −1 for none, and a mask
     (k,): True where `count` passages, or all the rows to be examined, are there. near (k, l):

@@ -108,7 +108,7 @@ def start_at_row(sampler: Sampler, row: int) -> RolloutState:
 def step_fish(
     sampler: Sampler, state: RolloutState, control: Floats | None, rng: np.random.Generator
 ) -> RolloutState:
-    """Return the fish one tick later, under a control (2,), or freely if that is None.
+    """Simulate a fish for one tick, under a control (2,), or freely if that is None; return it.
 
     At the end of a film run, or at random, the fish jumps to a similar row. Only `rng` is changed.
     """
@@ -136,7 +136,7 @@ def draw_next_row(
 
 
 def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
-    """Return the rows (k,) that a fish may follow next, and their weights (k,) in a random draw.
+    """Return the rows (k,) that a fish may follow next, and the weight (k,) of each in the draw.
 
     row: the one that the fish follows now. If it is not usable and has no similar rows, the last
     earlier row that is or has stands in for it. The result is the rows similar to the stand-in, and
@@ -162,7 +162,7 @@ def next_row_weights(sampler: Sampler, row: int) -> tuple[Ints, Floats]:
 
 
 def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-    """Return how a simulated fish swims from a random film row: states (ticks, d), rows (ticks,).
+    """Simulate a fish from a random film row; return its states (ticks, d) and rows (ticks,).
 
     The fish swims without control; the rows are those of the film that it follows.
     """
@@ -194,7 +194,9 @@ def _fill_with_past(inputs: Weights, states: Floats, present_index: int, lags: I
 
 @finite_kernel
 def follow_row(sampler: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
-    """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
+    """Return the next states (ticks, d) of a fish that moves as the film does from a row on.
+
+    The last tick is first.
 
     Each is the film's state plus `settle` times the difference of two predictions: from the fish's
     own past, and from the film's (sampler.mean). The motion of a row at rest is the film's alone.

@@ -114,7 +114,7 @@ def measure_sprite_distances(
 def draw_sprites_and_next(
     reel: Reel, size_px: int, pose: str, orientation: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return pictures of the film frame that follows each sprite, and of the sprites themselves.
+    """Draw the film frame that follows each sprite, and the sprites themselves: two arrays.
 
     Both are (s, size_px, size_px, c), 0 … 1. In the pose FILM they are drawn in `orientation`, in
     BODY the heading measured in the film points right.

@@ -138,7 +138,7 @@ def choose_best_jumps(
 def _nearest_by_passage(
     targets: Floats, track: Ints, rows: Ints, targets_near: Ints, least: int, count: int
 ) -> tuple[Ints, Floats]:
-    """Return the nearest targets of rows (k,), at most one of each passage of film, and distances.
+    """Return the nearest targets of rows (k,), one a passage of film at most, and distances.
 
     Both are (k, count), −1 and infinite where there are fewer. targets (m, d): signatures; track
     (n,): ids; targets_near (k, l): the targets to choose from, ascending, −1 for none. A passage is

@@ -52,7 +52,7 @@ class RowSource(Protocol):
 
 def picture_array_shape(reel: Reel, size_px: int) -> tuple[int, ...]:
     """Return the shape (n, size_px, size_px, c) of the array of all rows' pictures."""
-    return len(reel), size_px, size_px, reel.film[0].pixels.shape[2]
+    return len(reel), size_px, size_px, reel.cutouts[0].pixels.shape[2]
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,9 @@ def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> ND
     middle = (size_px - 1) / 2
     x, y, heading, size = map(np.array, (middle, middle, 0.0, size_px / _WIDTH))
     target = Pose(x, y, heading, size, posture=poses.shapes.mean)
+    shape = size_px, size_px
     return np.stack([
-        draw_in_pose(reel.film[int(row)], poses.pose[row], target, (size_px, size_px), sharp=False)
+        draw_in_pose(reel.cutouts[int(row)], poses.pose[row], target, shape, sharp=False)
         for row in rows
     ])  # fmt: skip
 
@@ -152,7 +153,9 @@ def split_into_blocks(rows: int, most_rows: int) -> list[Ints]:
 def compute_signature_parts(
     source: RowSource, settings: JumpsSettings, workers: Workers
 ) -> SignatureParts:
-    """Return the numbers by which rows, and their mirror images, are compared.
+    """Compute the numbers by which rows are compared: pose, its change, motion, look.
+
+    Mirror images have theirs.
 
     Change and motion are measured over a quarter of Δ to each side.
     """
@@ -168,10 +171,11 @@ def compute_signature_parts(
 def compute_signatures(
     row_parts: SignatureParts, step_ends: tuple[Ints, Ints], settings: JumpsSettings
 ) -> Floats:
-    """Return the vectors by which rows are compared: (2, n, d), of rows [0] and mirror images [1].
+    """Compute the signature vectors (2, n, d) of rows [0] and mirror images [1].
 
-    A vector has all parts side by side, each standardized and times its weight in `settings`. Its
-    unit is the natural step, the median distance from row to row a step later. step_ends: rows
+    Their distances say how unlike rows are. A vector has all parts side by side, each standardized
+    and times its weight in `settings`. Its unit is the natural step, the median distance from row
+    to row a step later. step_ends: rows
     (k,), and the rows (k,) a step later.
     """
     weighted = [

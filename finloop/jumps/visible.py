@@ -65,7 +65,7 @@ class VisibleDistance:
             return np.concatenate(list(steps)) / self.natural
 
     def measure_best(self, neighbours: pd.DataFrame, count: int) -> Floats:
-        """Return the visible distances (k,) of jumps that can be among the best of their rows.
+        """Measure the visible distances (k,) of jumps that can be among the best of their rows.
 
         The others, for which `count` jumps of the row certainly cost less, are not measured and get
         infinity. A jump costs its `far` plus the square of its visible distance, in natural steps
@@ -85,7 +85,7 @@ def _draw_rows(source: RowSource, size_px: int, rows: Ints) -> Pictures:
     filmed = poses.pose[rows]
     target = filmed.move_to(middle, middle, 0.0, length_px)
     pictures = np.stack([
-        draw_in_pose(reel.film[row], filmed[k], target[k], shape, sharp=False)
+        draw_in_pose(reel.cutouts[row], filmed[k], target[k], shape, sharp=False)
         for k, row in enumerate(rows.tolist())
     ])  # fmt: skip
     return np.round(255 * pictures).clip(0, 255).astype(np.uint8)

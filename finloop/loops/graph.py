@@ -117,7 +117,7 @@ def _segment_successors(
 def renumber_groups(
     group: NDArray[np.integer], weight: NDArray[Any] | None = None
 ) -> NDArray[np.int32]:
-    """Return new group numbers (n,) of members, such that group 0 weighs most.
+    """Renumber groups by their weight, the heaviest 0; return the group numbers of members (n,).
 
     group (n,): the old numbers, 0 … k − 1; weight (n,): of each member, None: 1. Groups of equal
     weight are ordered by their first member.

@@ -61,7 +61,7 @@ class SparseDistanceMap(NamedTuple):
 
 
 def to_sparse_map(table: pd.DataFrame, rows: int) -> SparseDistanceMap:
-    """Return a table of pairs of rows as a sparse distance map.
+    """Convert a table of pairs of rows to a sparse distance map.
 
     table: columns i, j (feature rows), distance, sorted by i, then by j; rows: how many
     feature rows there are.
@@ -110,7 +110,7 @@ def least_loop_frames(delta_frames: int, settings: LoopsSettings) -> int:
 def find_loop_candidates(
     pairs: SparseDistanceMap, features: pd.DataFrame, most_distance: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return pairs of frames that look and move alike, best first, and what each test left of them.
+    """Return pairs of frames that look and move alike, best first, and how many each test left.
 
     They are local minima of filtered D, the picture distance of two frames and their neighbours.
     The table has columns a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: the

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate.kinematics import (
-    Ahead,
+    StraightSwim,
     Target,
     Turning,
     bearing,
@@ -165,7 +165,7 @@ class Network:
         speed = self._change_into_phase(fish.speed, first_speed, phases.speed_change[phase_ticks])
         forward = speed * (self._length_px / motion.rate_hz)
         drift = _drift_towards_aim(phases.drift_deg[phase_ticks], approach)
-        swim = Ahead(forward, drift, brake=forward * self._stop_ticks)
+        swim = StraightSwim(forward, drift, brake=forward * self._stop_ticks)
         trajectory, safe_ticks, touch_tick = swim_ahead(
             self.world.tank.legal, approach.start, swim, approach.goal
         )
@@ -303,7 +303,7 @@ class Network:
         ticks = motion.delta
         speed_factor = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
         speed, zeros = np.maximum(fish.speed * speed_factor, phases.low), np.zeros(ticks)
-        swim = Ahead(speed * (self._length_px / motion.rate_hz), drift=zeros, brake=zeros)
+        swim = StraightSwim(speed * (self._length_px / motion.rate_hz), drift=zeros, brake=zeros)
         trajectory, safe_ticks, touch_tick = swim_ahead(
             self.world.tank.legal, approach.start, swim, approach.goal
         )

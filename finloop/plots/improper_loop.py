@@ -108,7 +108,7 @@ def figure13(
     path_panel = upper.subplots()
     film = background.copy()
     for row in _rows_to_show(loop).values():
-        cutout = reel.film[row]
+        cutout = reel.cutouts[row]
         height, width = cutout.pixels.shape[:2]
         left, top = cutout.x0_px, cutout.y0_px
         film[top : top + height, left : left + width] = cutout.blend_over(film)

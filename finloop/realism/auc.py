@@ -94,10 +94,11 @@ def compute_auc(scores: Scores) -> Auc:
 
 
 def _measure_area(block: Scores) -> tuple[float, pd.Series]:
-    """Return a block's area under the ROC curve, and its windows' deviations, summed by cluster.
+    """Return a block's area under the ROC curve, and the deviations of its windows by cluster.
 
-    A window's deviation is DeLong's component minus the area, divided by the number of windows of
-    its kind. The component is the share of the window's pairs in which the animation scores higher.
+    Deviations are summed by cluster. A window's deviation is DeLong's component minus the area,
+    divided by the number of windows of its kind. The component is the share of the window's pairs
+    in which the animation scores higher.
     """
     film, animation = block.score[~block.animation], block.score[block.animation]
     above_share = np.empty(len(block.score))

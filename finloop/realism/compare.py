@@ -112,7 +112,7 @@ class FilmSample:
         return self.cut_windows(film, blocks, early), self.cut_windows(film, blocks, ~early)
 
     def comparison_windows(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
-        """Return the two sets of windows that each comparison distinguishes, by its name.
+        """Return the two sets of windows that each comparison has to distinguish, by its name.
 
         The names are the modes, each beside the film; HALVES, the film's halves; AGAIN, the film as
         filmed beside the film drawn and measured again. measured: each mode's animation.
@@ -130,7 +130,7 @@ class FilmSample:
 def build_film_sample(
     film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings
 ) -> FilmSample:
-    """Return what every comparison of an animation with the film needs to know of the film.
+    """Return the film's side of all comparisons: its measured swimming, and how to cut windows.
 
     film: drawn and measured again. features: columns of `FEATURES`, of the whole film.
     """
@@ -163,7 +163,7 @@ class Verdict:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> "Verdict":
-        """Return the verdict that plain values of `to_values` describe."""
+        """Restore a verdict from the plain values of `to_values`."""
         alone = {name: Auc(*area) for name, area in values["alone"].items()}
         scores = Scores(*map(np.array, values["scores"]))
         return cls(Auc(*values["whole"]), alone, values["importance"], scores)

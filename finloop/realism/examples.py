@@ -12,7 +12,7 @@ from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema
 from finloop.edit.schema import EDIT
 from finloop.realism.compare import FilmSample, Sides, Verdict
-from finloop.realism.instrument import Swimming, Work
+from finloop.realism.instrument import EditList, Swimming
 from finloop.realism.windows import CHANNELS, WindowCut, Windows
 from finloop.render.gallery import Gallery, fish_by_row
 from finloop.render.marks import write_text
@@ -76,12 +76,12 @@ def most_false_windows(
 
 
 def find_examples(
-    sample: FilmSample, works: Mapping[str, Sequence[Work]], measured: Mapping[str, Swimming],
-    sides: Sides, verdicts: Mapping[str, Verdict],
+    sample: FilmSample, edit_lists: Mapping[str, Sequence[EditList]],
+    measured: Mapping[str, Swimming], sides: Sides, verdicts: Mapping[str, Verdict],
 ) -> tuple[pd.DataFrame, pd.DataFrame]:  # fmt: skip
     """Return the most obviously false windows of all modes as tables `EXAMPLES` and `CURVES`.
 
-    Each stands beside the film window most like it. works, measured: the edit lists, and the
+    Each stands beside the film window most like it. edit_lists, measured: the edit lists, and the
     swimming that extraction measured in them, by mode, and by FILM for the film. sides, verdicts:
     windows and results by the name of the comparison; only modes give examples. The tables are
     empty if there are none.
@@ -97,7 +97,9 @@ def find_examples(
             for side, name, windows, window in (
                 (ANIMATION, mode, animation, pair.animation), (FILM, FILM, film, pair.film),
             ):  # fmt: skip
-                edit = _window_edit_list(works[name], measured[name], windows.first[window], cut)
+                edit = _window_edit_list(
+                    edit_lists[name], measured[name], windows.first[window], cut
+                )
                 edit = edit.assign(example=example, side=side, compared=mode, score=pair.score)
                 edits.append(edit)
                 channels = pd.DataFrame(windows.x[window].astype(float), columns=list(CHANNELS))
@@ -109,15 +111,16 @@ def find_examples(
 
 
 def _window_edit_list(
-    works: Sequence[Work], measured: Swimming, first_row: int, cut: WindowCut
+    edit_lists: Sequence[EditList], measured: Swimming, first_row: int, cut: WindowCut
 ) -> pd.DataFrame:
-    """Return what one window shows, as an edit list with the column start_deg, its first heading.
+    """Return the part of an edit list that one window shows, with a column for its first heading.
 
-    It has `cut.length` steps, and so a tick more. works, measured: edit lists of one fish each, and
-    the swimming measured in them; first_row: of the window, in `measured`.
+    The column is start_deg. The part has `cut.length` steps, and so a tick more. edit_lists,
+    measured: edit lists of one fish each, and the swimming measured in them; first_row: of the
+    window, in `measured`.
     """
     rows = first_row + np.arange(cut.length + 1)
-    edit = works[int(measured.list_number[first_row])].edit.iloc[measured.tick[rows]]
+    edit = edit_lists[int(measured.list_number[first_row])].edit.iloc[measured.tick[rows]]
     return edit.assign(start_deg=float(measured.table["heading_deg"].iloc[first_row]))
 
 
@@ -133,7 +136,7 @@ class CameraView(NamedTuple):
     width_px: float
 
     def crop_frame(self, frame: Picture, size_px: int) -> Picture:
-        """Return what this view shows of a frame, (h, w) or (h, w, 3), as (size_px, size_px, 3).
+        """Crop a frame (h, w) or (h, w, 3) to this view: a picture (size_px, size_px, 3).
 
         It is turned so that `heading_deg` points to the right.
         """

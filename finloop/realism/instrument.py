@@ -33,11 +33,8 @@ from finloop.render.painter import Painter, PlacedFish
 _RIM = 16  # px around a fish, beside its own size on each side
 
 
-class Work(NamedTuple):
-    """An edit list (what is drawn at every tick) whose pictures are to be measured.
-
-    cuts: its ticks at which another fish begins.
-    """
+class EditList(NamedTuple):
+    """An edit list (what is drawn at every tick), and its ticks at which another fish begins."""
 
     edit: pd.DataFrame
     cuts: Sequence[int] = ()
@@ -60,9 +57,9 @@ class Instrument:
     fish_scale: float = 1.0
 
     def adapt_to_animation(self, fish_scale: float) -> "Instrument":
-        """Return the instrument for fish drawn `fish_scale` times as large, in still water.
+        """Return the instrument that measures fish drawn `fish_scale` times as large as filmed.
 
-        It measures a tank that is shrunk so that the fish are as large as filmed.
+        It measures them in a tank of still water, shrunk so that they are as large as filmed.
         """
         still = replace(self.features, water_current_bl_s=0.0)
         adapted = replace(self, features=still, fish_scale=fish_scale)
@@ -76,7 +73,7 @@ class Instrument:
         )
 
     def reduce_to_filmed_size(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """Return an edit list in which fish are as large as filmed: `edit` itself, or a copy.
+        """Return an edit list scaled so that its fish are as large as filmed: itself, or a copy.
 
         Places shrink with the tank, towards its corner. Pixel centres lie at integers, so the
         corner is at −0.5 px.
@@ -95,7 +92,7 @@ class Instrument:
         return TypicalFish(*fish, fins="none", thin=facts.thin, limbs=facts.limbs)
 
     def detect_fish(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
-        """Yield what extraction detects in a frame of each fish, drawn on the empty tank.
+        """Draw each fish on the empty tank; yield what extraction detects in that frame.
 
         Places in the result are px of the tank.
         """
@@ -128,7 +125,7 @@ class Instrument:
 
 
 def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
-    """Return detections in px of the tank, from px of a part whose upper left pixel is x, y."""
+    """Convert detections from px of a part of the tank, whose corner is x, y, to px of the tank."""
 
     def shift_fish(fish: SegmentedFish) -> SegmentedFish:
         offset = np.array([x, y])
@@ -183,7 +180,7 @@ def join_measurements(
     return Swimming(joined, list_number, tick, row, tick_of_all / rate_hz)
 
 
-def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
+def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[EditList]:
     """Return random stretches of the film as edit lists, so that they are drawn like animations.
 
     tracks: track_id, x_px, y_px of every row. longest: most ticks of a stretch; stretches are put
@@ -191,24 +188,25 @@ def sample_film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) 
     The cuts of a list are the ticks at which its second and later stretches begin.
     """
     places = tracks[["x_px", "y_px"]].to_numpy()
-    works: list[Work] = []
+    edit_lists: list[EditList] = []
     pieces: list[Ints] = []
     stretches = sample_stretches(tracks["track_id"].to_numpy(), longest, most, seed)
     for stretch in stretches:
         pieces.append(np.arange(stretch.start, stretch.stop))
         if sum(map(len, pieces)) >= longest or stretch is stretches[-1]:
             rows, cuts = np.concatenate(pieces), np.cumsum([len(piece) for piece in pieces])[:-1]
-            works.append(Work(filmed_edit_list(rows, places[rows]), cuts.tolist()))
+            edit_lists.append(EditList(filmed_edit_list(rows, places[rows]), cuts.tolist()))
             pieces = []
-    return works
+    return edit_lists
 
 
 def measure_edit_list(
-    open_pictures: Callable[[], AbstractContextManager[Gallery]], job: tuple[Instrument, Work]
+    open_pictures: Callable[[], AbstractContextManager[Gallery]],
+    job: tuple[Instrument, EditList],
 ) -> pd.DataFrame:
-    """Return the feature table that extraction measures in the drawn frames of one edit list.
+    """Draw an edit list; return the feature table that extraction measures in its frames.
 
-    job: how and what to measure; one argument, so that it can be sent to another process.
+    job: how to measure, and the edit list; one argument, so that it can be sent to a process.
     """
     instrument, (edit, cuts) = job
     with open_pictures() as gallery:

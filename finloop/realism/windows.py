@@ -73,7 +73,7 @@ class Blocks(NamedTuple):
 
 
 def equal_blocks(time_s: Floats, count: int, repeats: int = 1) -> Blocks:
-    """Return time divided into `count` blocks that contain equally many of the times (n,) in s.
+    """Divide time into `count` blocks that contain equally many of n times in s.
 
     repeats: how often the sequence of blocks is repeated, each time with further stretches of time.
     The first and the last stretch have no outer end.
@@ -108,9 +108,10 @@ def window_cut_from_deltas(
 
 
 def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
-    """Return speeds, turning speed and relative motion area of a track: CHANNELS (ticks − 1, 4).
+    """Return the channels of a track, (ticks − 1, 4): two speeds, turning speed, motion area.
 
-    Speeds are ahead and to the left [BL/s], the turning speed is anticlockwise [degrees/s].
+    They are CHANNELS: speeds ahead and to the left [BL/s], anticlockwise turning [degrees/s], and
+    relative motion area.
     track: columns of `FEATURES`; rate_hz: ticks per second; largest: motion area of the film's most
     bent fish, in squares of a body length.
     """
@@ -139,7 +140,7 @@ class TickBlocks(NamedTuple):
 def cut_windows(
     table: pd.DataFrame, ticks: TickBlocks, cut: WindowCut, rate_hz: float, largest: float
 ) -> Windows:
-    """Return measured swimming cut into windows of channels; no window crosses from track to track.
+    """Cut measured swimming into windows of channels; no window crosses from track to track.
 
     table: columns of `FEATURES`, track by track. ticks: of the same rows. A window belongs to the
     block of most of its ticks. rate_hz, largest: as in `track_channels`.

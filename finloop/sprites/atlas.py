@@ -87,7 +87,7 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
 
 
 def _list_slots(sprites: pd.DataFrame, index: pd.DataFrame) -> list[list[AtlasSlot]]:
-    """Return the slots of each sequence in each orientation, whose x and y are still to be set.
+    """Return an atlas slot for each sprite, by sequence and orientation; x and y are unset.
 
     index: has the size [px] of each sprite in each orientation.
     """
@@ -106,7 +106,7 @@ def _list_slots(sprites: pd.DataFrame, index: pd.DataFrame) -> list[list[AtlasSl
 
 
 def _pack_page(slots: list[AtlasSlot], most_width: int, most_height: int) -> AtlasPage | None:
-    """Return a page with pictures side by side in lines, highest first; None if they do not fit.
+    """Pack slots onto a page, side by side in lines, highest first; None if they do not fit.
 
     slots: their x and y are still to be set. most_width, most_height: of the page, px.
     """
@@ -141,13 +141,13 @@ def draw_atlas_page(
 
 
 def encode_png(rgba: NDArray[np.uint8]) -> bytes:
-    """Return an RGBA picture (h, w, 4) as PNG: smaller than OpenCV's default, but slower."""
+    """Encode an RGBA picture (h, w, 4) as PNG: smaller than OpenCV's default, but slower."""
     settings = [cv2.IMWRITE_PNG_COMPRESSION, 6, cv2.IMWRITE_PNG_STRATEGY, 0]  # zlib's defaults
     return cv2.imencode(".png", cv2.cvtColor(rgba, cv2.COLOR_RGBA2BGRA), settings)[1].tobytes()
 
 
 def to_straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a premultiplied RGBA picture (h, w, 4) with straight alpha: its colour over alpha.
+    """Convert a premultiplied RGBA picture (h, w, 4) to straight alpha: colour divided by alpha.
 
     Colour also extends `BLEED` px under the transparent pixels around the edge. Premultiplying the
     result gives back the same numbers.

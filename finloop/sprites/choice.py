@@ -48,7 +48,7 @@ these fish, headed right, their mass centres in the middle, all of one length.""
 def swimmer_table(
     features: pd.DataFrame, tracks: pd.DataFrame, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return a table, a row per fish and frame, of the measures by which sprites are chosen.
+    """Measure every fish in every frame for the choice of sprites; return the table, a row each.
 
     The rows are those of `features` and `tracks`. tail: offset of the tail tip from the head's
     axis, body lengths, + = left; heading: degrees, unwrapped; step_x_px, step_y_px: displacement to
@@ -194,7 +194,7 @@ def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold_share: float
 
 
 def cycle_headings(table: pd.DataFrame, first_row: int, frames: int) -> Floats:
-    """Return evenly changing headings [°], (frames + 1,), for a run and the frame after it.
+    """Return headings [°] that change evenly over a run and the frame after it, (frames + 1,).
 
     They lie on a line: its mean over the run is the run's, its slope that from the run's first
     frame to the frame after it. first_row: of the run, in `table`; the row after the run must
@@ -244,7 +244,7 @@ def find_tail_beats(
 
 
 def _share_of_one_wave(values: Reals) -> Reals:
-    """Return what share of the variance of each row (k, n) is one sine wave over its n values.
+    """Return the share of each row's variance (k, n) that is one sine wave over its n values.
 
     By Parseval's theorem: power at the frequency 1 / n, divided by that at all but 0.
     """
@@ -399,10 +399,10 @@ def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.
 
 
 def _find_substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
-    """Return bends to one side that replace a missing whole turn: candidates with a single fault.
+    """Return bends to one side, as candidates that replace a missing whole turn.
 
-    Each lasts from one minimum of the bend to the next. The fault, "weaker", is how much weaker it
-    is than the strongest bend, as a share.
+    Each lasts from one minimum of the bend to the next. Its only fault, "weaker", is how much
+    weaker it is than the strongest bend, as a share.
     """
     bends = []
     for span in _unbroken_row_slices(table):
