@@ -54,7 +54,7 @@ def main() -> None:
         names = [name for name in values if "held_out" in name or "skill" in name]
         metrics |= {f"other_split_{name}": values[name] for name in names}
     model, curve = trained[0]
-    save_json(OUT / "model.json", model.record(), indent=1)
+    save_json(OUT / "model.json", model.to_values(), indent=1)
     save_bytes(OUT / "model.onnx", export_onnx_bytes(model))
     save_csv(REPORT / "curve.csv", curve, decimals=5)
     save_table(OUT / "held_out.parquet", held_out_table(model, rows, held_out), HELD_OUT)

@@ -119,7 +119,7 @@ def main() -> None:
         except FinloopError as error:
             _save_reason(folder, error)
             return
-        save_json(folder / "model.json", model.record())
+        save_json(folder / "model.json", model.to_values())
         sampler = build_sampler(film, model, graph, p)
         rng = np.random.default_rng((p.seed, 1))  # `split_held_out` has (p.seed, 0) and (p.seed, 2)
         # `Project.forecast_sampler` maps these files: similar rows, and the predicted states.

@@ -484,7 +484,7 @@ def test_a_model_comes_back_to_the_bit(tmp_path):
     path = tmp_path / "model.json"
     for seed in range(5):
         model = replace(random_model(seed, hidden=seed + 1), delta_s=6 / 28.07)
-        save_json(path, model.record(), indent=1)
+        save_json(path, model.to_values(), indent=1)
         assert same(load_record(path, restore_motion_model, "bpn"), model)
     assert list(tmp_path.iterdir()) == [path]
     held = json.loads(path.read_text())
@@ -510,7 +510,7 @@ HARM = {
 @pytest.mark.parametrize("harm", HARM)
 def test_a_damaged_model_is_one_message(tmp_path, harm):
     path = tmp_path / "model.json"
-    save_json(path, random_model().record(), indent=1)
+    save_json(path, random_model().to_values(), indent=1)
     whole = path.read_text()
     damaged = HARM[harm](whole)
     assert damaged != whole

@@ -154,7 +154,7 @@ def test_learning_stops_when_the_error_held_out_no_longer_falls(film, learnt, mo
 
 def test_a_model_is_read_as_it_was_written(film, learnt):
     model = learnt[0]
-    again = restore_forecast(**json.loads(json.dumps(model.record())))
+    again = restore_forecast(**json.loads(json.dumps(model.to_values())))
     rows = film.rows[:20]
     past, control = film.past(rows), film.control[rows]
     assert np.array_equal(again.predict_means(past, control), model.predict_means(past, control))
@@ -162,7 +162,7 @@ def test_a_model_is_read_as_it_was_written(film, learnt):
 
 @pytest.mark.parametrize("fault", ["format", "scale", "first"])
 def test_a_damaged_model_is_refused(learnt, fault):
-    content = learnt[0].record()
+    content = learnt[0].to_values()
     content[fault] = "x" if fault == "format" else content[fault][:-1]
     with pytest.raises(ValueError, match=r"wanted|sizes"):
         restore_forecast(**content)

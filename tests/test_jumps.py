@@ -101,7 +101,7 @@ def test_in_a_part_of_the_film_are_the_nearest_that_lie_there(rng, monkeypatch):
     of_parts(monkeypatch, 60)
     values, track = walk(rng), np.zeros(160, int)
     made, whole = (JumpSearch.from_values(values, track, count, LEAST) for count in (COUNT, 160))
-    assert made.parts == 3
+    assert made.part_count == 3
     rows, every = np.arange(160), whole(np.arange(160))
     for part in range(3):
         few = made.search_part(rows, part)

@@ -206,7 +206,7 @@ def _track_as_turn(track: TrackKinematics) -> SwimmingRun:
 
 
 def _turns_of_runs(runs: list[SwimmingRun], rate_hz: float, delta: int) -> Turns | None:
-    """Return the turns of runs to the left or right that are filmed whole; None if there are none.
+    """Collect the turns: runs to the left or right that are filmed whole; None without any.
 
     All are mirrored to be turns to the left. rate_hz: frames per second; delta: Δ in frames.
     """

@@ -78,7 +78,7 @@ class Plans:
 
     @classmethod
     def from_paths(cls, trajectories: Sequence[Floats], start_tick: int) -> "Plans":
-        """Return the plans of fish whose trajectories (n, 4), one a fish, all begin at one tick."""
+        """Make the plans of fish whose trajectories (n, 4), one a fish, all begin at one tick."""
         plans = cls(len(trajectories))
         for number, trajectory in enumerate(trajectories):
             plans.put(number, start_tick, trajectory)
@@ -107,7 +107,7 @@ class Plans:
         )
 
     def fish_in_column(self, fish: int, column: int) -> int:
-        """Return the number of the fish in a column of the result of `others` for `fish`."""
+        """Return the number of the fish that column `column` of `others(fish, …)` shows."""
         planned = np.flatnonzero(self._ticks > 0)
         return int(planned[planned != fish][column])
 

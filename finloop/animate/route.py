@@ -68,10 +68,10 @@ def is_route_done(route: Route, along_px: float, tick: int) -> bool:
 
 @finite_leaf
 def _points_around(route: Route, along_px: float):  # type: ignore[no-untyped-def]
-    """Return the indices of the route's points around `along_px`, and its place between, 0 … 1.
+    """Return the indices of the two route points around `along_px`, and the fraction between them.
 
-    The place rises from 0 at the point before to 1 at the one after. At the end of a path that is
-    not closed both are its last point. A closed path goes on from lap to lap.
+    The fraction rises from 0 at the point before to 1 at the one after. At the end of a path that
+    is not closed both are its last point. A closed path goes on from lap to lap.
     """
     n = route.x.size
     position = max(along_px, 0.0) / route.step
@@ -161,10 +161,10 @@ def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  #
 
 @finite_leaf
 def _find_nearest_point(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
-    """Find the point of a route nearest to x, y px; return its number and its index.
+    """Find the route point nearest to x, y px; return how many points ahead it is, and its index.
 
-    The search begins at the last point before `along_px`, which has number 0. At least
-    `route.ahead` points are searched, more if x, y is far from the route.
+    It is sought from the last point before `along_px` on. At least `route.ahead` points are
+    searched, more if x, y is far from the route.
     """
     start, _, _ = _points_around(route, along_px)
     points_on, nearest_index, least_px2, index = 0, start, 1e300, start

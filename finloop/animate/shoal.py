@@ -140,7 +140,7 @@ class SchoolMember:
         return goals[self._reached] if self._reached < len(goals) else None
 
     def _next_rule(self, plans: Plans, other_plans: Floats) -> Rule | None:
-        """Return the rule of a fish without a goal, with the others' present places; None if none.
+        """Return the rule by which a fish without a goal swims next; None if it has none.
 
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks, from the present
         one on.
@@ -178,7 +178,7 @@ def settle_fish(player: AnyPlayer, tasks: Sequence[SwimTask], plans: Plans) -> l
 
 
 def animate_group(player: AnyPlayer, tasks: Sequence[SwimTask], ticks: int) -> list[Swim]:
-    """Return the animation of each of several fish, one for each task, at least `ticks` long.
+    """Animate a fish for each task, together, for at least `ticks` ticks; return an animation each.
 
     The fish whose plan ends first decides next. Goals reached after `ticks` count as not reached
     (−1). NoRoom if the tank lacks room for all of them.
@@ -201,7 +201,7 @@ def animate_fish(
     player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator,
     route: Route | None = None,
 ) -> Swim:  # fmt: skip
-    """Return an animation of one fish, at least `ticks` long: by its path, to its goals in turn.
+    """Animate one fish for at least `ticks` ticks: along its path, then to its goals in turn.
 
     Without either, the fish wanders.
     """

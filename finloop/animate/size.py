@@ -15,7 +15,7 @@ from finloop.sprites.orient import sprite_outlines
 
 
 class ScaledFilm(NamedTuple):
-    """A film at its drawn size.
+    """A film at its drawn size: pictures, outlines, tank area, and frames too wide to be shown.
 
     reel: its pictures; outlines: of its frames; area (h, w): where its fish may be; reach_px:
     how far the fish reaches from its centre; barred (n,): whether a frame reaches farther, and is
@@ -52,7 +52,7 @@ def scale_film(
 def measure_reach(
     of_sprites: Sequence[Floats], of_frames: FrameOutlines, quantile: float
 ) -> tuple[float, Mask]:
-    """Return how far a fish reaches from its centre, px, and which frames (n,) reach farther.
+    """Measure how far a fish reaches from its centre, px, and which frames (n,) reach farther.
 
     of_sprites: outlines (k, 2), all of which count; of_frames: outlines; quantile: 0-1, of the
     frames' reach, as the widest are mostly faults.

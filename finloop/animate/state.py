@@ -12,7 +12,7 @@ _NOTHING = np.zeros((0, 3), np.int64)
 
 
 class Fish(NamedTuple):
-    """Where a fish is, what it does, and what it remembers.
+    """The state of one fish at a tick: place, motion, pictures on screen, and the other fish.
 
     x, y in px, heading in degrees, speed in body lengths/s; state: number in `STATES`; sprite: the
     last one shown, −1 in the film; phase: place in its cycle of sprites, in frames; area: relative

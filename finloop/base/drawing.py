@@ -99,7 +99,7 @@ class Morph:
 
     @property
     def end_frame(self) -> int:
-        """Return which frame follows the last: the first if a morph goes there and back, else −1.
+        """Return the frame after the last: 0 if the morph goes there and back, else −1.
 
         −1 is the last again.
         """

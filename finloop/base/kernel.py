@@ -45,7 +45,7 @@ class _AllSources:
         return _sources_digest()
 
     def get_disambiguator(self) -> str:
-        """Return a part of the cache file's name: the kernel's line, and digits of the digest.
+        """Return a suffix for the cache file's name: the kernel's line, and digits of the digest.
 
         Without the digest, numba would load an older file, which may name removed types and fail.
         """

@@ -61,7 +61,7 @@ def suggest_override(
 
 
 def _guess_meant_values(name: str, value: Any, choices: list[str]) -> Iterator[Any]:
-    """Yield other values that the user may have meant by a refused one, the most probable first.
+    """Yield the values that the user may have meant by a refused value, the most probable first.
 
     name: of the parameter; its last word is its unit, such as s or px. choices: the words that it
     allows.

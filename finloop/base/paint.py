@@ -169,7 +169,7 @@ def _to_fixed_point(points: Points) -> Ints:
 
 
 def _draw_line(mask: NDArray[np.uint8], points: Points, closed: bool, line: Paint) -> float:
-    """Draw a line with its dashes onto a mask; return the opacity that dashes left out give it.
+    """Draw a dashed line onto a mask; return its opacity, < 1 where dashes are too fine to draw.
 
     mask: is changed in place. points (n, 2): px of the mask; of a closed line the last is the
     first. line: its width and dashes in px of the mask. Dashes that are too short or too many to be

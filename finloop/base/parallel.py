@@ -223,7 +223,7 @@ def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
 
 
 def _retry(work: Callable[[A], B], item: A) -> B:
-    """Return `work(item)`; after an OSError pause and try again; raise it after `TRIES` tries."""
+    """Return `work(item)`; after an OSError try again, `TRIES` times at most, with pauses."""
     for _ in range(TRIES - 1):
         with suppress(OSError):
             return work(item)

@@ -98,7 +98,7 @@ RENAMED = {"nn": "network"}
 
 
 def settings(word: str, **values: Any) -> Any:
-    """Return a group of parameters as its settings dataclass: the values of conf/, some replaced.
+    """Return a group of parameters as its dataclass, with the values of conf/ or those given.
 
     word: name of the group, mostly that of a stage. values: parameters to replace, by name.
     `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.ExtractSettings`;

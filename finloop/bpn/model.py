@@ -53,8 +53,8 @@ class MotionModel:
     output_weights: Floats  # (hidden, 2)
     output_bias: Floats  # (2,)
 
-    def record(self) -> dict[str, Any]:
-        """Return the model as values that JSON can hold; `restore_motion_model` restores it."""
+    def to_values(self) -> dict[str, Any]:
+        """Return the model as plain values for JSON; `restore_motion_model` restores it."""
         return _HEADER | {
             name: np.asarray(value, float).tolist() for name, value in vars(self).items()
         }
@@ -79,7 +79,7 @@ _HEADER: dict[str, Any] = {
 
 
 def restore_motion_model(**content: Any) -> MotionModel:
-    """Restore a motion model from the fields of `MotionModel.record`.
+    """Restore a motion model from the fields of `MotionModel.to_values`.
 
     KeyError, TypeError or ValueError if a field is missing, of another size or out of range.
     """

@@ -160,7 +160,7 @@ class Reel:
         return pictures
 
     def measure_steps(self, size_px: int, pose: str, rows: Rows) -> Floats:
-        """Return the picture distances (k,) (Eq. 5) from each of some rows to the next one of them.
+        """Measure the picture distance (k,) (Eq. 5) from each of `rows` to the next of them.
 
         rows (k,): ascending. NaN where the next one is not the next frame of the same track.
         """

@@ -117,7 +117,7 @@ class Bodies:
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
-        """Return which filmed body, mirrored or turned, is in each picture (…), frame or sprite.
+        """Look up the filmed body in each picture (…), frame or sprite: row, mirrored, heading.
 
         frame: whether each picture is a frame, else a sprite; number: its row or sprite number;
         turn_deg: by how much a frame is turned, or the direction in which a sprite swims; mirrored:
@@ -133,7 +133,7 @@ class Bodies:
         return Body(row, is_mirrored, turn_deg + np.where(frame, heading, sway))
 
     def body_in_edit_row(self, shown: RowPicture) -> Body:
-        """Return which filmed body, mirrored or turned, is in a picture that an edit list names."""
+        """Look up the filmed body in a picture that an edit list names."""
         frame, turn = np.array(shown.kind == FRAME), np.asarray(shown.rotation_deg, float)
         if not frame:
             direction = self.sprite_direction_deg(int(shown.orientation), shown.rotation_deg)
@@ -156,7 +156,7 @@ class Bodies:
         return np.where(frame, 0.0, turn[np.where(frame, 0, number)])
 
     def are_near_in_film(self, first: Body, second: Body, frames: int) -> Mask:
-        """Return a mask (…) of pairs of bodies at most `frames` apart in one track of the film.
+        """Return which pairs of bodies (…) are at most `frames` apart in one track of the film.
 
         Both bodies of a pair, or none, must be mirrored.
         """

@@ -81,7 +81,7 @@ class JoinRules:
         return int(np.ceil(_LASTS * self.decay)) if self.kind == INERTIAL else 0
 
     def count_moving(self, kind: str, number: Ints) -> int:
-        """Return at how many of k pictures the animal does not rest; only they count after a join.
+        """Count those of k pictures in which the animal does not rest; only they end a join.
 
         kind: SPRITE, all of which count, or FRAME; number (k,): rows, plus n for mirror images.
         """
@@ -213,11 +213,11 @@ def _find_joins(drawn: Body, due: Body, frame: Mask, rules: JoinRules) -> tuple[
 def _remaining_offsets(
     offset: Floats, velocity: Floats, joins: Ints, moves: Mask, rules: JoinRules
 ) -> tuple[Floats, Mask]:
-    """Return what remains of the offsets of all joins, and at which ticks it may be drawn.
+    """Fade out the offsets of all joins; return what remains, and the ticks at which a join lasts.
 
     offset, velocity, and what remains, are (ticks, c + 1): c pose codes, then degrees. While the
-    animal rests, offsets stay: the spring knows only the ticks at which it moves. A mask (ticks,)
-    marks where a join lasts.
+    animal rests, offsets stay: the spring knows only the ticks at which it moves. The ticks are a
+    mask (ticks,).
     """
     offset_decay, velocity_decay = rules.spring_response()
     remaining = sum_past_values(offset_decay, offset[moves])

@@ -72,7 +72,7 @@ def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return how many turns there are, and percentages of good ones and of narrow ones.
+    """Return, by name, the number of turns, and the percentages of good and of narrow turns.
 
     In a good turn the heading error, the angle between heading and direction to the aim, never
     rises. A narrow one has too little room. Without turns percentages are NaN.
@@ -139,7 +139,7 @@ def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
 
 
 def state_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the percentage of ticks in each of `STATES`, such as "turn", as `<state>_pct`."""
+    """Return, as `<state>_pct`, the percentage of ticks in each of `STATES`, such as "turn"."""
     share = 100 * edit["state"].value_counts(normalize=True)
     return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
 

@@ -22,7 +22,7 @@ Picture = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Pictures:
-    """Draws what an edit list shows: one animal, centred, as (size, size, channels), 0 … 1.
+    """Draws the pictures of an edit list: one animal, centred, (size, size, channels), 0 … 1.
 
     reel: the film's cut-outs; size: px of a picture; bodies: the filmed postures. The animals are
     as large as the edit list draws them.
@@ -183,7 +183,7 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
 
 
 def _draw_due_picture(before: Any, turn_deg: float, pictures: Pictures) -> Picture:
-    """Draw what the film would show after a row of an edit list, in the posture that was filmed.
+    """Draw the frame that the film would show after a row of an edit list, as it was filmed.
 
     before: that row, as a named tuple. If it shows a frame, the film's next frame is drawn: turned
     as that frame is in the row, and by `turn_deg` more, degrees anticlockwise on screen. If it
@@ -200,7 +200,7 @@ def _draw_due_picture(before: Any, turn_deg: float, pictures: Pictures) -> Pictu
 
 
 def _next_sprites(sprites: pd.DataFrame) -> Ints:
-    """Return for each sprite (s,) the number of the one made of the film's next frame, or −1."""
+    """Return for each sprite (s,) the number of the sprite made of the film's next frame, or −1."""
     if not len(sprites):
         return np.zeros(0, np.int64)
     step = sprites["step"].to_numpy()

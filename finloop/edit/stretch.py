@@ -60,7 +60,7 @@ class Decision(NamedTuple):
 
 @dataclass(frozen=True)
 class Stretch:
-    """What a fish does for some ticks (n,) after one decision.
+    """What one decision makes a fish do for n ticks: trajectory, pictures, and the reason.
 
     state: index in `STATES`; trajectory (n, 3): x, y px, heading in degrees; kind: SPRITE or FRAME;
     number (n,): the sprites or film rows shown; rotation_deg (n,): by how much frames are turned;
@@ -109,7 +109,7 @@ class Stretch:
         return self.path_and_pictures[min(gone, len(self.trajectory) - 1) :]
 
     def cut(self, ticks: int) -> "Stretch":
-        """Return the stretch shortened to its first `ticks` ticks, at least 1.
+        """Cut the stretch after its first `ticks` ticks, at least 1; return it.
 
         A shortened stretch touches no goal, as only the last tick can; one that is not longer is
         returned as it is.

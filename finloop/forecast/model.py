@@ -93,8 +93,8 @@ class Forecast:
             mean = mean + second @ net.third[side] + net.third_bias[side]
         return mean
 
-    def record(self) -> dict[str, Any]:
-        """Return the network as plain values that JSON can hold; `restore_forecast` restores it."""
+    def to_values(self) -> dict[str, Any]:
+        """Return the network as plain values for JSON; `restore_forecast` restores it."""
         arrays = dict(zip(_LAYERS, self.layers, strict=True))
         arrays |= {f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)}
         arrays |= {name: getattr(self, name) for name in _UNITS}
@@ -102,7 +102,7 @@ class Forecast:
 
 
 def restore_forecast(**content: Any) -> Forecast:
-    """Restore the network from the fields of `Forecast.record`.
+    """Restore the network from the fields of `Forecast.to_values`.
 
     KeyError, TypeError or ValueError if a field is missing or has another size, or if weights,
     biases or `mirror` are not finite.

@@ -64,7 +64,7 @@ def build_similarity_graph(
 def _make_symmetric(
     similar_pairs: Ints, film_rows: int, all_rows: int
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the graph of similar pairs (k, 2), of the reversed pairs, and of their mirror images.
+    """Make the relation of similar pairs (k, 2) symmetric, add mirror images; return the graph.
 
     film_rows: without mirror images; all_rows: with them. The graph is start (all_rows + 1,) and to
     (e,): the rows similar to row i are to[start[i]:start[i + 1]].

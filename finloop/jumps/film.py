@@ -75,7 +75,7 @@ class JumpSearch:
         )
 
     @property
-    def parts(self) -> int:
+    def part_count(self) -> int:
         """Return the number of parts into which a long film is divided."""
         return 1 + int(self.part.max())
 
@@ -274,7 +274,10 @@ def _find_best_jumps(
     into one part of it, another one after every 2000 rows.
     """
     postures = source.load_film()[1].pose.posture
-    visible, parts = VisibleDistance(source.picture_array(), postures, natural_step), search.parts
+    visible, parts = (
+        VisibleDistance(source.picture_array(), postures, natural_step),
+        search.part_count,
+    )
 
     def choose_best(neighbours: pd.DataFrame, most: int) -> pd.DataFrame:
         """Return the least visible jumps to some neighbours, at most `most` for each row."""

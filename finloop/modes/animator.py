@@ -102,7 +102,7 @@ class Animator:
         return [SwimTask(random_goals(self.player.world, self.p.trial_goals, rng), rng)]
 
     def goals_by_fish(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return for each fish those of an animation's `goals` that it swims to, in their order.
+        """Share out an animation's goals; return the goals of each fish, in their order.
 
         A fish that follows a path or a rule has none. The other fish share the goals, which are
         dealt in turn: the first goal to the first fish (`deal_goals`).
@@ -154,7 +154,7 @@ class Animator:
 
 
 class ModeAssets(NamedTuple):
-    """What all modes share of a film: it at its drawn size (scaled), tank, pictures, outlines."""
+    """What all modes share: the film at its drawn size (scaled), its tank, pictures, outlines."""
 
     film_data: FilmData
     scaled: ScaledFilm

@@ -58,21 +58,21 @@ class RollOuts(NamedTuple):
 class Loops:
     """Plays the film's video loops (Figs. 10-13).
 
-    film: motion graph with loop jumps alone; stay: fewest rows shown between two jumps; ends (n,):
-    whether a row is a loop end; can_play: whether the film can go on for ever.
+    film: motion graph with loop jumps alone; least_rows: fewest rows shown between two jumps; ends
+    (n,): whether a row is a loop end; can_play: whether the film can go on for ever.
     """
 
     def __init__(self, world: World, film: MotionGraph, p: LoopsSettings) -> None:
         """Keep the world, the film and the parameters of the mode, and find the loop ends."""
         self.world, self.film, self.p = world, film, p
-        self.stay = max(1, round(p.min_deltas_between_jumps * world.motion.delta))
+        self.least_rows = max(1, round(p.min_deltas_between_jumps * world.motion.delta))
         self.ends = mark_loop_ends(film)
         self.can_play = bool((film.recurrent & film.has_next).any())
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """Return a fish at a random place, at a row from which the film goes on for ever."""
         fish = random_fish_in_film(self.film, self.world.tank, rng)
-        return fish._replace(since=self.stay)  # so it may jump at once
+        return fish._replace(since=self.least_rows)  # so it may jump at once
 
     def take_over(self, fish: Fish) -> Fish:
         """Take over a fish from another mode: a frame of the film shows it from now on.
@@ -95,7 +95,7 @@ class Loops:
         speed, area = float(film.speed[row]), float(film.area[row])
         return Fish(
             fish.x, fish.y, heading, speed, state=FILM, sprite=-1, area=area, tick=fish.tick,
-            row=row, rotation_deg=rotation_deg, since=self.stay,  # so it may jump at once
+            row=row, rotation_deg=rotation_deg, since=self.least_rows,  # so it may jump at once
         )  # fmt: skip
 
     def can_go_on(self, fish: Fish) -> bool:
@@ -129,11 +129,11 @@ class Loops:
     def next_candidates(self, fish: Fish) -> Candidates:
         """Return the rows that can be shown next: the film's next row, and the rows it can jump to.
 
-        For `stay` rows after a jump there are no jumps, unless the film ends.
+        For `least_rows` rows after a jump there are no jumps, unless the film ends.
         """
         candidates = film_candidates(self.film, fish.row + 1, fish.rotation_deg)
         plays_on = ~candidates.jumps
-        if plays_on.any() and fish.since + 1 < self.stay:
+        if plays_on.any() and fish.since + 1 < self.least_rows:
             rows, rotations_deg, seams, _jumps, _terms = candidates
             return make_candidates(rows[plays_on], rotations_deg[plays_on], seams[plays_on])
         return candidates
@@ -150,7 +150,7 @@ class Loops:
         return RollOuts(
             *_roll_out_candidates(
                 self.film, legal, ends, candidates, place_px, goal,
-                least_rows=self.stay, most_deg=self.p.improper_angle_deg,
+                least_rows=self.least_rows, most_deg=self.p.improper_angle_deg,
             )
         )  # fmt: skip
 
@@ -237,17 +237,17 @@ class Loops:
     ) -> Stretch:  # fmt: skip
         """Return a stretch of film in place, as every candidate leaves the tank (§4.2).
 
-        It plays a random candidate, up to the first loop end after `stay` rows, or to an earlier
-        one if the film ends, or for one row if there is none.
+        It plays a random candidate, up to the first loop end after `least_rows` rows, or to an
+        earlier one if the film ends, or for one row if there is none.
         """
         film, taken = self.film, int(rng.integers(len(candidates.rows)))
         row, rotation_deg = int(candidates.rows[taken]), float(candidates.rotations_deg[taken])
-        ahead = slice(row, row + 4 * self.stay)  # enough rows to find such a loop end, mostly
+        ahead = slice(row, row + 4 * self.least_rows)  # enough rows to find such a loop end, mostly
         is_reached = np.logical_and.accumulate(film.has_next[ahead])
         ticks_to_ends = np.flatnonzero(self.ends[ahead] & is_reached) + 1
         ticks = 1
         if ticks_to_ends.size:
-            least = min(self.stay, ticks_to_ends[-1])
+            least = min(self.least_rows, ticks_to_ends[-1])
             ticks = int(ticks_to_ends[ticks_to_ends >= least][0])
         rows = np.arange(row, row + ticks)
         place = np.tile([fish.x, fish.y], (ticks, 1))

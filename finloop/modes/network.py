@@ -65,7 +65,7 @@ class Network:
     def __init__(
         self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: NetworkSettings
     ) -> None:
-        """Keep the arguments; sort turns by angle, and what follows each state by first speed."""
+        """Keep the arguments; sort turns by angle, and the phases after each state by speed."""
         self.world, self.sprites, self.phases, self.model, self.p = world, sprites, phases, model, p
         motion = world.motion
         self._length_px = motion.body_length_px
@@ -109,7 +109,7 @@ class Network:
         return self.turn_to_aim(approach, rng) if abs(approach.error) > 1 else self.brake(approach)
 
     def _approach(self, fish: Fish, goal: Target) -> GoalApproach:
-        """Return a fish, its goal and the point it heads for, with distance and heading error."""
+        """Measure a fish's approach to its goal: point to head for, distance, heading error."""
         near_px = self.p.arrived * self.world.touch_px
         aim = next_aim(self.world.tank, (fish.x, fish.y), goal, near_px)
         error = wrap(bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
@@ -213,7 +213,7 @@ class Network:
         return cycle[numbers], places, is_new
 
     def turn_to_aim(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch:
-        """Return a turn of sprites towards the aim: into a bend, held, and out of it.
+        """Return a stretch of sprites that turns towards the aim: bends, holds, straightens.
 
         Where there is no room, the displacement is smaller, down to a turn on the spot.
         """

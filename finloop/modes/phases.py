@@ -68,7 +68,7 @@ def _phases_of_runs(
     runs: Sequence[SwimmingRun], still_sway: float, delta: int, p: NetworkSettings,
     speed_range: tuple[float, float],
 ) -> Phases:  # fmt: skip
-    """Return the phases of straight runs of the film, the parts with one state, such as sliding.
+    """Split straight runs of the film into phases, each of one state, such as sliding.
 
     A phase is left out if its heading goes farther than `p.phase_drift_deg` from that of the frame
     before it; its state is still the state before the next phase. still_sway: sway of a still tail;
@@ -111,7 +111,7 @@ class _PhaseFrames(NamedTuple):
 def _split_run(
     run: SwimmingRun, still_sway: float, steady_growth: float, least_ticks: int
 ) -> list[_PhaseFrames]:
-    """Return the phases of a straight run, in their order.
+    """Split one straight run into phases by the state of its frames; return them in order.
 
     The state of a frame follows from its sway, how much the tail beats (a still one slides), and
     its growth, the relative change of the speed in a Δ. still_sway: a still tail sways less;

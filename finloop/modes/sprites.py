@@ -30,7 +30,7 @@ class TurnFrames:
     hold_deg: float
 
     def place_after_peak(self, deepest: int) -> int:
-        """Return the first sprite's place after the peak that bends no more than at `deepest`.
+        """Return the first place after the peak whose sprite bends no more than that at `deepest`.
 
         deepest: the most bent place that is shown, at the peak or before it; the places between
         the two are skipped. The result is the last place if all after the peak bend more.

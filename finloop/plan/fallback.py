@@ -152,7 +152,7 @@ class Fallback:
         return Target(*place, touch_px=0.0, head_px=0.0)
 
     def _in_place_stretches(self, fish: Fish, target: Target) -> Iterator[Stretch]:
-        """Yield two stretches in place: turning to a target, then with the present picture."""
+        """Yield two stretches in place: one turns to a target, one keeps the present picture."""
         turning = self.stay(fish, target)
         yield turning
         n = len(turning.trajectory)

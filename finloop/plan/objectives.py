@@ -98,7 +98,7 @@ def estimate_ticks_to_target(x, y, direction, target, weights):  # type: ignore[
 
 @leaf_kernel
 def estimate_angle_deg(cosine: float) -> float:
-    """Estimate the angle, 0 … 180°, that has a cosine, to 0.004° (Abramowitz and Stegun, 4.4.45).
+    """Estimate the arc cosine, 0 … 180°, to 0.004° (Abramowitz and Stegun, 4.4.45).
 
     cosine: slightly beyond −1 or 1 counts as that. With the exact angle, searches for goals of the
     zebrafish and the carp take 9 and 7 % longer.

@@ -226,7 +226,7 @@ class Planner:
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[Target, Floats, int, bool]:
-        """Return the target of a fish without a path, and the place its state keeps for it.
+        """Choose the target of a fish without a path; return it with the place that it stands for.
 
         The place (2,), its ticks, and whether a rule requested it are kept or chosen: see
         `_choose_place`; a goal is not stored. The target is free where the fish only wanders and
@@ -292,7 +292,7 @@ class Planner:
         self, fish: Fish, before: Progress, objective: Objective, task: Route | Target,
         rng: np.random.Generator,
     ) -> tuple[Stretch, Progress]:  # fmt: skip
-        """Return the next stretch of a fish, and its progress with the rest of its plan.
+        """Go on with a fish's plan, or search a new one; return its next stretch and progress.
 
         The present plan goes on if it is for the same task, else a search makes one. Where no plan
         leads on, the fish stays in place. before: its progress and plan up to now; objective: of
@@ -540,11 +540,11 @@ class Planner:
 
     @cached_property
     def _fallback(self) -> Fallback:
-        """Return what decides where no plan leads on, or where another fish blocks it."""
+        """Return the fallback, which moves a fish whose plan leads nowhere or is blocked."""
         return Fallback(self.world)
 
     def _fish_in_film(self, fish: Fish) -> Fish:
-        """Return a fish that a sprite shows as one that the film row behind the sprite shows."""
+        """Convert a fish that a sprite shows to a fish in the film, at the sprite's film row."""
         row = int(self.sprite_rows[fish.sprite])
         rotation_deg = float(wrap(fish.heading - self.world.film.heading[row]))
         return fish._replace(state=FILM, sprite=-1, row=row, rotation_deg=rotation_deg)

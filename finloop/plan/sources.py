@@ -30,7 +30,9 @@ from finloop.plan.world import FilmWorld
 
 
 class Passage(NamedTuple):
-    """How a fish swims along a run: up to where it is done, or leaves the tank.
+    """How a fish swims along a run of film or predictions: trajectory, corrections, rows shown.
+
+    It ends where the fish is done or would leave the tank.
 
     trajectory (n, 3): x, y px, heading; corrections (n, 2): of steering, degrees and px; along_px:
     px along the path at the end; touches_target: whether the last place does; rows (n,): rows that
@@ -193,7 +195,7 @@ MotionSource = FilmSource | PredictionSource
 def _search_start(
     fish: Fish, x: float, y: float, tick: int, rest_cost: float, along_px: float
 ) -> SearchStart:
-    """Return the start of a search whose candidates are shown at x, y px and a tick.
+    """Return the start of a fish's search, whose candidates are shown at x, y px and a tick.
 
     rest_cost: ticks that a tick on the spot costs; along_px: px along the path. The other fish are
     known from `fish.tick` + 1 on, the first tick of the next stretch.

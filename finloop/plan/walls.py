@@ -38,7 +38,7 @@ class Bounds(NamedTuple):
 
 
 def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
-    """Return what keeps a fish inside a tank; without discs the fish keeps to `tank.legal`."""
+    """Make the bounds that keep a fish inside a tank; without discs it keeps to `tank.legal`."""
     # How far pixels outside the arena are from it; beyond the picture all is outside.
     outside = np.pad((~tank.arena).astype(np.uint8), 1, constant_values=1)
     to_tank = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
@@ -63,7 +63,7 @@ def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-unty
 
 @leaf_kernel
 def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """Return how many px a picture's tightest disc is too near to the wall, and its x, y px.
+    """Find the disc of a picture that is tightest at the wall: px too near, and its x, y px.
 
     Negative: there is room. bounds: `Bounds`; picture: film row, or −1 − number of a sprite; x, y:
     its mass centre, px; heading: degrees.
@@ -134,7 +134,7 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
 
 @kernel
 def keep_inside(bounds: Bounds, pictures: Ints, trajectory: Floats, most_px: float) -> Floats:
-    """Return the part of a trajectory (n, 3) inside the tank, moved off the walls where necessary.
+    """Cut a trajectory (n, 3) where it leaves the tank, and move it off walls; return the rest.
 
     pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading; most_px:
     most by which a tick may be moved, else the part ends. What follows a moved tick is moved by the

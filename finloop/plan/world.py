@@ -40,7 +40,7 @@ class FilmWorld(World):
 
     @cached_property
     def bounds(self) -> Bounds:
-        """Return what keeps a fish inside the tank: depths, walls and discs."""
+        """Return the bounds that keep a fish inside the tank: depths, walls and discs."""
         return tank_bounds(self.tank, self.discs)
 
     @cached_property
@@ -75,7 +75,7 @@ class FilmWorld(World):
 
     @cached_property
     def turn_on_spot_deg(self) -> float:
-        """Return how far [°] a fish on the spot turns in a tick, unless its pictures turn more.
+        """Return how far [°] a fish on the spot may turn in a tick, if its pictures turn less.
 
         Its head, half a body length from its centre, then moves as far as a fast fish swims.
         """

@@ -84,7 +84,7 @@ def equal_blocks(time_s: Floats, count: int, repeats: int = 1) -> Blocks:
 
 
 class WindowCut(NamedTuple):
-    """How windows are cut, and what they hold, in frames.
+    """How windows are cut: their length, stride and averaging step, in frames.
 
     length: of a window, a whole number of steps; stride: from the start of a window to that of the
     next one; step: part of a window over which a channel is averaged to one number.

@@ -284,7 +284,7 @@ def find_glides(table: pd.DataFrame, delta_frames: int, settings: SpritesSetting
 def _find_substitute_tail_beats(
     table: pd.DataFrame, delta_frames: int, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return glides that replace a missing tail beat, as `find_glides` does; maybe none.
+    """Return glides that replace a missing tail beat, as candidates like those of `find_glides`.
 
     They are of straight frames, else of usable frames of any swimming type, else of any frames.
     """
