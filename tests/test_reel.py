@@ -119,7 +119,7 @@ def test_what_comes_after_a_sprite_is_the_film_s_next_frame_turned_on():
 @pytest.mark.parametrize("change", ["cut-outs", "sprites", "pictures of sprites", "order"])
 def test_what_is_not_of_one_film_is_refused(change):
     one = reel()
-    film, sprites, store = one.film, one.sprites, one.store
+    film, sprites, store = one.cutouts, one.sprites, one.store
     if change == "cut-outs":
         film = Held(reversed(film))
     elif change == "sprites":

@@ -70,7 +70,7 @@ def report(folder: Path) -> Picture:
 
 
 def live_tank(folder: Path, shares: list[tuple[float, float]]) -> Picture:
-    """Return the live tank some time after each fish got a goal, in shares of the tank."""
+    """Return the live tank some time after each fish got a goal, in shares of the picture."""
     command = [sys.executable, "-m", "stages.play", "--no-open", "--port", "0"]
     command += ["--fish", str(len(shares))]
     tank = subprocess.Popen(command, cwd=folder, env=ENV, stderr=subprocess.PIPE, text=True)

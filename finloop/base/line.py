@@ -8,8 +8,8 @@ from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 
 PX, TANK, MM = "px", "tank", "mm"
-"""Units of places: px of the clip; shares of the tank's width and height from the upper left; mm.
-"""
+"""Units of places: px of the clip; shares of the width and height of the tank, the box around where
+fish may swim, or for a recorded track of the whole picture, from the upper left; mm."""
 
 TRACK = "track:"
 """Prefix of a track's number where a track of the film stands in place of a file."""

@@ -21,7 +21,7 @@ _WANTED = (
 def load_line(path: Path, unit: str) -> Line:
     """Load the path that a fish shall follow, from a file .csv, .parquet or .svg.
 
-    unit: PX, TANK (shares of the tank's size) or MM, of columns x and y; columns such as x_mm name
+    unit: PX, TANK (see `finloop.base.line`) or MM, of columns x and y; columns such as x_mm name
     their own. An SVG's path is in px, or in shares of the viewport if the unit is TANK.
     FinloopError if the file cannot be read, lacks a column, or holds not exactly one path.
     """

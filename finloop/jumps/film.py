@@ -274,10 +274,8 @@ def _find_best_jumps(
     into one part of it, another one after every 2000 rows.
     """
     postures = source.load_film()[1].pose.posture
-    visible, parts = (
-        VisibleDistance(source.picture_array(), postures, natural_step),
-        search.part_count,
-    )
+    visible = VisibleDistance(source.picture_array(), postures, natural_step)
+    parts = search.part_count
 
     def choose_best(neighbours: pd.DataFrame, most: int) -> pd.DataFrame:
         """Return the least visible jumps to some neighbours, at most `most` for each row."""

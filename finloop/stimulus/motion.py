@@ -199,7 +199,7 @@ def _swim_to_goals(
     """Let the fish of a tank swim for `ticks` ticks; return their states (ticks, fish, fields).
 
     Each fish swims to one goal after the other, and then wanders. goals: x, y in shares of the
-    tank.
+    picture.
     """
     goals_given = [0] * len(tank.fish)  # how many each fish has got
     states = [_current_states(tank, scene)]

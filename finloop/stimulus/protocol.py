@@ -114,13 +114,13 @@ class Motion(StrictModel):
     """What the fish do in a condition; exactly one of these fields is given."""
 
     goal: Place | None = None
-    """All fish swim to one goal, then wander: x, y, shares (0..1) of the tank's width and height
+    """All fish swim to one goal, then wander: x, y, shares (0..1) of the picture's width and height
     from the upper left."""
     goals: Annotated[tuple[Place, ...], Field(min_length=1, max_length=500)] | None = None
     """Goals one after the other, then the fish wander: 1..500 places as `goal` has them."""
     path: File | None = None
     """Along a path: a file .csv, .parquet or .svg, relative to the protocol's folder. Places are
-    shares of the tank unless the columns name a unit."""
+    shares of the tank, the box around where fish may swim, unless the columns name a unit."""
     rule: RuleSpec | None = None
     """By a rule towards a live animal; the motion is known only as it is shown."""
     company: Literal[True] | None = None

@@ -87,7 +87,7 @@ def _line_unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tu
         raise FinloopError(
             f"{line.name} is in mm, and the film's scale is not known",
             "clip.mm_per_px, the size of a pixel",
-            "measure a ruler in the picture, or give the track in px or in shares of the tank",
+            "measure a ruler in the picture, or give the track in px or in shares of the picture",
         )
     return 1 / mm_per_px, 1 / mm_per_px
 
