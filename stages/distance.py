@@ -22,17 +22,17 @@ FOLDER, REPORT = Path("data/distance"), Path("reports/distance")
 SAMPLE = 1000  # pairs measured again in float64
 
 
-def _count_inexact(pairs: pd.DataFrame, reel: Reel, size_px: int, pose: str) -> int:
+def _count_inexact(pairs: pd.DataFrame, reel: Reel, size_px: int, reference: str) -> int:
     """Recompute SAMPLE stored distances in float64; return how many differ by more than EXACT.
 
     pairs: columns i, j (rows of the film) and distance. size_px: side of the pictures compared.
-    pose: whether they show the fish as filmed or turned head right.
+    reference: whether they show the fish as filmed or turned head right.
     """
     sample, count = pairs.sample(min(SAMPLE, len(pairs)), random_state=0), 0
     for start in range(0, len(sample), 50):  # 50 at a time, to save memory
         part = sample.iloc[start : start + 50]
-        first = reel.draw_rows(part["i"].to_numpy(), size_px, pose).astype(float)
-        second = reel.draw_rows(part["j"].to_numpy(), size_px, pose).astype(float)
+        first = reel.draw_rows(part["i"].to_numpy(), size_px, reference).astype(float)
+        second = reel.draw_rows(part["j"].to_numpy(), size_px, reference).astype(float)
         errors = np.abs(paired_distances(first, second) - part["distance"].to_numpy())
         count += int((errors > EXACT).sum())
     return count

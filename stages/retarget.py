@@ -55,7 +55,7 @@ def describe_lacks(numbers: Mapping[str, float]) -> list[str]:
     sentences = []
     if not numbers["with_postures"]:
         sentences.append(
-            "the track has no posture (that takes three points along the body): the fish bends as "
+            "the track has no pose (that takes three points along the body): the fish bends as "
             "in the film at the same speed and turn rate"
         )
     if numbers["left_out_s"] > 0:

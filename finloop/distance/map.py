@@ -50,10 +50,10 @@ STEPS = Schema(
 )
 """Eq. 5 from every mapped row to a later frame of its track, null where there is none.
 
-step: to the frame a natural step later (`features.table.natural_step_frames`), in the pose of the
-map; its median over the film is the unit of loops and gateways. headed: to the same frame, both
-headed to the right; its median is the unit of the seams of an animation. as_filmed: to the next
-frame, without turning the fish.
+step: to the frame a natural step later (`features.table.natural_step_frames`), in the map's
+frame of reference; its median over the film is the unit of loops and gateways. headed: to the same
+frame, both headed to the right; its median is the unit of the seams of an animation. as_filmed: to
+the next frame, without turning the fish.
 """
 
 
@@ -61,9 +61,9 @@ frame, without turning the fish.
 class MapFacts:
     """How a map of picture distances was made, and its unit: the film's median step.
 
-    pose: FILM or BODY; size: px, side of the pictures; keep: largest distance stored, in median
-    steps, None: all pairs that Eq. 6 compares; step_median, step_p95: distances (Eq. 5) between
-    successive pictures.
+    pose: the frame of reference, FILM or BODY; size: px, side of the pictures; keep: largest
+    distance stored, in median steps, None: all pairs that Eq. 6 compares; step_median, step_p95:
+    distances (Eq. 5) between successive pictures.
     """
 
     pose: str
@@ -196,16 +196,16 @@ def _recompute_small_squares(
 # --- Eq. 6: like with like
 
 
-def find_frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
+def find_frame_kinds(features: pd.DataFrame, reference: str) -> Ints:
     """Return the kind (n,) of each row as a number; only rows of one kind are compared (Eqs. 6, 7).
 
-    Rows of one kind have the same swimming type (−1, 0 or 1) and, in the pose FILM, where turned
-    fish differ, the same orientation.
+    Rows of one kind have the same swimming type (−1, 0 or 1) and, in the frame of reference FILM,
+    where turned fish differ, the same orientation.
     """
     swimming_type = features["swimming_type"].to_numpy(np.intp)
     orientation = features["orientation"].to_numpy(np.intp)
     three_kinds_each = 3 * orientation + swimming_type  # the swimming type is −1, 0 or 1
-    return three_kinds_each if pose == FILM else swimming_type
+    return three_kinds_each if reference == FILM else swimming_type
 
 
 def find_comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
@@ -381,15 +381,15 @@ def compare_frames(
     advance(): called after each block. In a film of more than `settings.max_rows` rows only
     stretches are compared. FinloopError if the film does not move.
     """
-    size, pose = settings.picture_size_px, settings.frame_of_reference
+    size, reference = settings.picture_size_px, settings.frame_of_reference
     rows, order, kind, area = _choose_and_sort_rows(film.features, settings)
     features, later = film.features.iloc[rows], natural_step_frames(film.features)
     # Pictures are sorted by kind and area, so those to be compared are slices: no copy is needed.
-    x = subtract_mean_picture(film.draw_rows(rows[order], size, pose))
-    # The steps, in three poses (see `STEPS`), and their median, the unit of the distances.
+    x = subtract_mean_picture(film.draw_rows(rows[order], size, reference))
+    # The steps in three frames of reference (see `STEPS`); their median is the unit of distances.
     steps = natural_step_table(features, x, np.argsort(order), later)
     steps["headed"] = steps["step"]
-    if pose == FILM:
+    if reference == FILM:
         headed = subtract_mean_picture(film.draw_rows(rows, size, BODY))
         steps["headed"] = natural_step_table(features, headed, np.arange(len(rows)), later)["step"]
         del headed  # as large as x
@@ -407,5 +407,5 @@ def compare_frames(
 
     blocks = find_similar_pairs(x, kind, area, threshold, most_distance)
     pairs = pair_table(report_blocks(blocks), rows[order])
-    facts = MapFacts(pose, size, threshold, most_steps, step_median=median, step_p95=p95)
+    facts = MapFacts(reference, size, threshold, most_steps, step_median=median, step_p95=p95)
     return FrameComparison(pairs, steps, facts)

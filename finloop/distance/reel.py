@@ -1,4 +1,4 @@
-"""The film's pictures by row: cut-outs, centred pictures in any pose, sprites, successors.
+"""The film's pictures by row: cut-outs, centred pictures as filmed or turned, sprites, successors.
 
 A row is a fish in a frame: one number for the row of the table of tracks, of the feature table and
 of the store of cut-outs, in the order (track_id, frame). A sprite is a number and an orientation, 1
@@ -138,13 +138,13 @@ class Reel:
             self.cutouts[int(row)], self.centres_px[row], length_px, size_px, turn_deg
         )
 
-    def draw_rows(self, rows: Rows, size_px: int, pose: str) -> Pictures:
+    def draw_rows(self, rows: Rows, size_px: int, reference: str) -> Pictures:
         """Return pictures (k, size_px, size_px, channels), 0 … 1, of the fish of rows (k,).
 
-        pose: FILM, as filmed, or BODY, turned to head right. All fish are in the middle and equally
-        long, by the typical length of the animal. There is at least one row.
+        reference: FILM, as filmed, or BODY, turned to head right. All fish are in the middle and
+        equally long, by the typical length of the animal. There is at least one row.
         """
-        heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
+        heading = self.features["heading_deg"].to_numpy(float)[rows] * (reference == BODY)
         return self.draw_aligned_rows(rows, heading, size_px)
 
     def draw_aligned_rows(self, rows: Rows, heading_deg: Reals, size_px: int) -> Pictures:
@@ -159,14 +159,14 @@ class Reel:
             pictures[number] = self.draw_row(row, size_px, self.lengths_px[row], -heading)
         return pictures
 
-    def measure_steps(self, size_px: int, pose: str, rows: Rows) -> Floats:
+    def measure_steps(self, size_px: int, reference: str, rows: Rows) -> Floats:
         """Measure the picture distance (k,) (Eq. 5) from each of `rows` to the next of them.
 
         rows (k,): ascending. NaN where the next one is not the next frame of the same track.
         """
         step = np.full(len(rows), np.nan)
         for start in range(0, len(rows) - 1, _BATCH):
-            batch = self.draw_rows(rows[start : start + _BATCH + 1], size_px, pose)
+            batch = self.draw_rows(rows[start : start + _BATCH + 1], size_px, reference)
             step[start : start + len(batch) - 1] = successive_distances(batch)
         step[:-1][(np.diff(rows) != 1) | ~self.has_next_frame[rows[:-1]]] = np.nan
         return step

@@ -55,7 +55,7 @@ def build_similarity_graph(
             "no two rows of the film are similar and look alike",
             f"some whose light and skin are at most {p.max_look_difference} deviations apart, at "
             f"most forecast.max_discontinuity={p.max_discontinuity} natural steps from each other",
-            "take a longer film, in which postures repeat, or raise forecast.max_discontinuity, "
+            "take a longer film, in which poses repeat, or raise forecast.max_discontinuity, "
             "or leave the forecast out (matching.uses=[film])",
         )
     return _make_symmetric(pairs, film.count, len(film.states))

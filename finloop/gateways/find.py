@@ -4,9 +4,9 @@
 *Out*: a row is on screen, a sprite is drawn next. The distance of both is Eq. 5 between the picture
 that would have come next and the one that does.
 
-In the pose BODY pictures are compared with the measured heading to the right, so a sprite and its
-own frame are equal. A sprite is drawn by the line it swims along, some degrees off that, and turns
-while it is on screen: `turn_deg` is the turn of the film that fits it.
+In the frame of reference BODY pictures are compared with the measured heading to the right, so a
+sprite and its own frame are equal. A sprite is drawn by the line it swims along, some degrees off
+that, and turns while it is on screen: `turn_deg` is the turn of the film that fits it.
 """
 
 from collections.abc import Callable
@@ -43,11 +43,11 @@ GATEWAYS = Schema(
     Column("turn_deg", "float32", "deg"),
 )
 """sprite: row of the table of sprites. rank: 1 = best. orientation: that of the next picture, from
-1; 0 = any (pose BODY).
+1; 0 = any (frame of reference BODY).
 
 turn_deg: a sprite drawn at heading h and the film drawn turned by h + turn_deg, anticlockwise as
-seen, fit each other; in the pose FILM that turn of the film is 0. Out, the sprite replaces the
-row + 1; the whole film is turned alike.
+seen, fit each other; in the frame of reference FILM that turn of the film is 0. Out, the sprite
+replaces the row + 1; the whole film is turned alike.
 """
 
 Ints = NDArray[np.intp]
@@ -59,9 +59,9 @@ class SpriteDistances:
 
     rows (n,): ascending. from_sprite (s, n): of a row from a sprite. from_next_frame (s, n): of a
     row from the film's frame after a sprite. row_deg (n,): the heading that was turned to the
-    right, in pose BODY as measured, in FILM that of the orientation. sprite_deg, next_frame_deg
-    (s,): this heading of a sprite, and of the frame after it, if the sprite is drawn at 0°.
-    orientation (n,): of the row, 0 = any (pose BODY).
+    right, in the frame of reference BODY as measured, in FILM that of the orientation. sprite_deg,
+    next_frame_deg (s,): this heading of a sprite, and of the frame after it, if the sprite is drawn
+    at 0°. orientation (n,): of the row, 0 = any (frame of reference BODY).
     """
 
     rows: Ints
@@ -74,19 +74,19 @@ class SpriteDistances:
 
 
 def measure_sprite_distances(
-    reel: Reel, rows: Ints, size_px: int, pose: str,
+    reel: Reel, rows: Ints, size_px: int, reference: str,
     advance: Callable[[int], object] = lambda _: None,
 ) -> SpriteDistances:  # fmt: skip
     """Measure the picture distances (Eq. 5) between all sprites and some rows of the film.
 
-    rows (n,): ascending; pose: BODY, the measured heading points right, or FILM, each row as filmed
-    and the sprites in its orientation as they are drawn. advance(k): called when k more rows are
-    done.
+    rows (n,): ascending; reference: BODY, the measured heading points right, or FILM, each row as
+    filmed and the sprites in its orientation as they are drawn. advance(k): called when k more rows
+    are done.
     """
     features, sprites = reel.features, reel.sprites
     # In which directions the fish are drawn.
     row, next_row = _rows_of_sprites(reel)
-    if pose == BODY:
+    if reference == BODY:
         orientation = np.zeros(len(rows), np.int8)
         row_deg = features["heading_deg"].to_numpy(float)[rows]
         sprite_deg = _headings_relative_to_sprites(reel, row)
@@ -99,10 +99,12 @@ def measure_sprite_distances(
     # The distances, block by block of the rows of one orientation.
     from_sprite, from_next_frame = np.empty((2, len(sprites), len(rows)))
     for number in np.unique(orientation):
-        next_pictures, sprite_pictures = draw_sprites_and_next(reel, size_px, pose, int(number))
+        next_pictures, sprite_pictures = draw_sprites_and_next(
+            reel, size_px, reference, int(number)
+        )
         columns = np.flatnonzero(orientation == number)
         for block in np.split(columns, range(_BLOCK, len(columns), _BLOCK)):
-            filmed = reel.draw_rows(rows[block], size_px, pose)
+            filmed = reel.draw_rows(rows[block], size_px, reference)
             from_sprite[:, block] = all_distances(sprite_pictures, filmed).round(_DIGITS)
             from_next_frame[:, block] = all_distances(next_pictures, filmed).round(_DIGITS)
             advance(len(block))
@@ -112,18 +114,18 @@ def measure_sprite_distances(
 
 
 def draw_sprites_and_next(
-    reel: Reel, size_px: int, pose: str, orientation: int
+    reel: Reel, size_px: int, reference: str, orientation: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Draw the film frame that follows each sprite, and the sprites themselves: two arrays.
 
-    Both are (s, size_px, size_px, c), 0 … 1. In the pose FILM they are drawn in `orientation`, in
-    BODY the heading measured in the film points right.
+    Both are (s, size_px, size_px, c), 0 … 1. In the frame of reference FILM they are drawn in
+    `orientation`, in BODY the heading measured in the film points right.
     """
-    if pose != BODY:
+    if reference != BODY:
         next_pictures = reel.draw_frames_after_sprites(size_px, orientation)
         return next_pictures, reel.draw_sprites(size_px, orientation)
     row, next_row = _rows_of_sprites(reel)
-    next_pictures = reel.draw_rows(next_row, size_px, pose)
+    next_pictures = reel.draw_rows(next_row, size_px, reference)
     mirrored = reel.sprites["mirrored"].to_numpy()  # so is the frame after a mirrored sprite
     next_pictures[mirrored] = next_pictures[mirrored, ::-1]
     sprite_pictures = [

@@ -2,7 +2,7 @@
 
 A fish is at a row of the feature table, drawn `rotation_deg` anticlockwise of the film. Playing
 forward moves it as the fish of the film moved, turned by that angle. At the end of a loop another
-row may be shown instead. Where pictures are compared headed right (pose BODY), the heading goes on
+row may be shown instead. Where pictures are compared headed right (BODY), the heading goes on
 across a jump, so `rotation_deg` changes; where they are compared as filmed (FILM), it stays.
 """
 
@@ -150,16 +150,16 @@ def index_jumps(jumps: pd.DataFrame, row_count: int) -> Jumps:
 
 
 def motion_graph(
-    features: pd.DataFrame, jumps: Jumps, motion: MotionStatistics, pose: str, barred: Mask,
+    features: pd.DataFrame, jumps: Jumps, motion: MotionStatistics, reference: str, barred: Mask,
     rarity_sum: Floats,
 ) -> MotionGraph:  # fmt: skip
     """Return the motion graph of a feature table (n rows) and its jumps.
 
-    motion: gives Δ and the drawn body length; pose: BODY where a jump keeps the heading, FILM where
-    it keeps the rotation; barred (n,): rows that must not be shown; rarity_sum (n,): ticks that
-    showing all rows up to each costs. Where `jumps` has mirror images, row n + i is that of row i:
-    the film upside down. Jumps to barred rows are left out, and those after which the film would
-    have to stop.
+    motion: gives Δ and the drawn body length; reference: BODY where a jump keeps the heading, FILM
+    where it keeps the rotation; barred (n,): rows that must not be shown; rarity_sum (n,): ticks
+    that showing all rows up to each costs. Where `jumps` has mirror images, row n + i is that of
+    row i: the film upside down. Jumps to barred rows are left out, and those after which the film
+    would have to stop.
     """
     n = len(features)
     scale = motion.body_length_px / typical_lengths_px(features).to_numpy(float)
@@ -180,7 +180,7 @@ def motion_graph(
     if len(jumps.jump_slot) > n:
         rows = np.concatenate([rows, _mirror_rows(rows)])
     rows["jump_slot"] = jumps.jump_slot
-    graph = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
+    graph = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, reference == BODY, n)
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
     rows["recurrent"] = find_endless_rows(has_next, jump_slot, graph.start, graph.to)

@@ -11,7 +11,7 @@ _FILM, _PREDICTED, _TRAIN = "0.35", "#D55E00", "#0072B2"
 _CHANNELS = (  # a column of the predictions, its number in the film's states, and its label
     ("forward", -3, "forward speed (body lengths/s)"),
     ("turning", -1, "turning speed (rad/s)"),
-    ("pose", 0, "first code of the posture (rad, root mean square)"),
+    ("pose", 0, "first code of the pose (rad, root mean square)"),
 )
 _RANKS = ("pose_rank", "forward_rank", "sideways_rank", "turning_rank")
 _SPAN_S = 1.0  # of the autocorrelations

@@ -91,12 +91,13 @@ def loop_path_rows(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
 
 
 def figure13(
-    loop: ImproperLoop, reel: Reel, pose: str, background: Picture, headline: str
+    loop: ImproperLoop, reel: Reel, reference: str, background: Picture, headline: str
 ) -> Figure:
     """Draw Fig. 13 of the fish paper: an improper loop, with the fish's heading and its travel.
 
-    Below are the pictures at both ends. reel: the film's cut-outs and features. pose: the pose in
-    which the ends were compared. background: the empty tank. headline: the text above the figure.
+    Below are the pictures at both ends. reel: the film's cut-outs and features. reference: FILM or
+    BODY, in which the ends were compared. background: the empty tank. headline: the text above the
+    figure.
     """
     features = reel.features
     figure = Figure(figsize=(12.5, 8.0), layout="constrained")
@@ -115,7 +116,7 @@ def figure13(
     path_panel.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
     _draw_loop_path(path_panel, loop, features, film)
     # The pictures at both ends.
-    pictures = reel.draw_rows(np.array([loop.a, loop.b]), SIZE_PX, pose)
+    pictures = reel.draw_rows(np.array([loop.a, loop.b]), SIZE_PX, reference)
     band = rows_with_fish(pictures)
     lower.suptitle("the fish at a and b: alike enough for a jump", fontsize=11)
     panels = lower.subplots(1, 2)

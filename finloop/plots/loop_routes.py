@@ -128,11 +128,12 @@ def route_letters(route: Sequence[Leg], ends: Rows) -> str:
     return "".join(LETTERS[int(np.searchsorted(ends, row))] for row in rows)
 
 
-def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> Figure:
+def figure10(three: ThreeRoutes, reel: Reel, reference: str, natural_step: float) -> Figure:
     """Draw Fig. 10 of the fish paper: four loops in time (a), and three routes from G to F (b).
 
-    Between are the pictures at the loops' ends. reel: the film's cut-outs and features. pose: the
-    pose in which the ends were compared. natural_step: in the unit of the loops' distances.
+    Between are the pictures at the loops' ends. reel: the film's cut-outs and features. reference:
+    the frame of reference in which the ends were compared. natural_step: in the unit of the loops'
+    distances.
     """
     figure = Figure(figsize=(12.5, 9.8), layout="constrained")
     heights = 3.2, 1.1, 5.6
@@ -148,7 +149,7 @@ def figure10(three: ThreeRoutes, reel: Reel, pose: str, natural_step: float) -> 
     time.set(xlim=limits, ylim=(-0.3, 1.2), yticks=[], xlabel="frame of the film")
     track = reel.features["track_id"].iloc[three.ends[0]]
     time.set_title(f"(a) four loops of track {track}", loc="left")
-    _draw_fish_at_ends(middle, three, reel, pose, frame)
+    _draw_fish_at_ends(middle, three, reel, reference, frame)
     # (b) The routes.
     levels = [1 + len(jump_legs(route)) for route in three.cases]  # each jump leads one level down
     panels = lower.subplots(3, 1, sharex=True, height_ratios=levels)
@@ -187,13 +188,14 @@ def _draw_loops(axes: Axes, three: ThreeRoutes, frame: Rows) -> None:
 
 
 def _draw_fish_at_ends(
-    subfigure: SubFigure, three: ThreeRoutes, reel: Reel, pose: str, frame: Rows
+    subfigure: SubFigure, three: ThreeRoutes, reel: Reel, reference: str, frame: Rows
 ) -> None:
     """Draw the fish at the eight loop ends A … H, side by side.
 
-    pose: the pose in which the ends were compared. frame (n,): the frame of each row.
+    reference: the frame of reference in which they were compared. frame (n,): the frame of each
+    row.
     """
-    pictures = reel.draw_rows(three.ends.astype(np.intp), SIZE_PX, pose)
+    pictures = reel.draw_rows(three.ends.astype(np.intp), SIZE_PX, reference)
     band = rows_with_fish(pictures)
     subfigure.suptitle(
         "the fish at the ends: two of one colour are alike", x=0.005, ha="left", fontsize=10

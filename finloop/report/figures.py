@@ -142,7 +142,7 @@ FILM = Chapter(
                "the film (Couzin et al. 2002), and without other fish.",
                "Five charts of distributions: both halves of the film, and points that swim."),
         Figure("film/pose/shapes.png", "", "Postures",
-               "The principal shapes of the postures, from two standard deviations to one side to "
+               "The principal shapes of the poses, from two standard deviations to one side to "
                "two to the other. After a jump the animal continues to bend in them.",
                "Rows of one animal, bent more and more to one side and to the other."),
         Figure("motion/bpn/fig15.png", "Fig. 15", "Learning",
@@ -156,7 +156,7 @@ FILM = Chapter(
                "A chart of error that falls and then stays level; a chart of shares near a line."),
         Figure("motion/forecast/free.png", "", "Swimming by prediction",
                "A fish that swims freely by the forecast, beside the fish of the film.",
-               "Distributions of speeds, turn rates and postures, and how long they last."),
+               "Distributions of speeds, turn rates and poses, and how long they last."),
         Figure("motion/distance/fig9.png", "Fig. 9", "Distances of frames",
                "Dark frames are alike. Left every pair (Eq. 5), right only like with like (Eq. 6): "
                "tinted pairs are never computed.",
