@@ -93,7 +93,7 @@ def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
 
 @leaf_kernel
 def turn_towards_aim(picture_turn: float, aim_error: float, most_correction: float) -> float:
-    """Return the turn, degrees, of this tick by which a fish heads for its aim.
+    """Return by how many degrees a fish turns in a tick to head for its aim.
 
     picture_turn: degrees by which its pictures turn; aim_error: bearing of the aim minus heading,
     degrees; most_correction: the largest turn in addition, degrees. The whole turn is at most the
@@ -107,7 +107,7 @@ def turn_towards_aim(picture_turn: float, aim_error: float, most_correction: flo
 
 @leaf_kernel
 def offset_point(x: float, y: float, heading: float, forward: float, sideways: float):  # type: ignore[no-untyped-def]
-    """Return the point x, y px, `forward` px along a heading and `sideways` px to its left."""
+    """Return the point `forward` px ahead of x, y px along a heading, and `sideways` px left."""
     angle = np.radians(heading)
     cos, sin = np.cos(angle), np.sin(angle)
     return x + forward * cos - sideways * sin, y - forward * sin - sideways * cos

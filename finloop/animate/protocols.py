@@ -35,7 +35,7 @@ class AnyPlayer(Protocol):
 
     @property
     def edit_inputs(self) -> EditInputs:
-        """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
+        """Return the inputs of an edit list: ticks per second, headings, sizes, joins."""
 
     @property
     def school_rule(self) -> SchoolRule | None:
@@ -57,7 +57,7 @@ class AnyPlayer(Protocol):
         """
 
     def with_obstacles(self, state: State, other_plans: Floats) -> State:
-        """Return the state in which the fish knows the others' present plans, and no older ones.
+        """Replace the other fish that a state knows by their present plans; return the new state.
 
         other_plans (n, m, 4): x, y px, heading, picture of m others at n ticks.
         """
@@ -71,4 +71,4 @@ class AnyPlayer(Protocol):
         """Return the next stretch to a goal, along a path or by a rule, and the state after it."""
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
-        """Return the first ticks of a stretch that began in `state`, and the state after them."""
+        """Cut a stretch that began in `state` after some ticks; return it and the state then."""

@@ -27,10 +27,10 @@ class Rule(NamedTuple):
 
     @classmethod
     def by_zones(cls, poses: Reals, school_rule: SchoolRule) -> "Rule":
-        """Return the rule to swim by zones with other fish; poses (n, 3): x, y px, heading."""
+        """Return the rule to swim by zones with other fish at poses (n, 3): x, y px, heading."""
         return cls(OtherFish(poses[:, :2], poses[:, 2]), school_rule)
 
     @classmethod
     def to_follow(cls, pose: Reals) -> "Rule":
-        """Return the rule to follow a leader; pose (3,): its x, y px, heading."""
+        """Return the rule to follow one fish, the leader, at pose (3,): x, y px, heading."""
         return cls(OtherFish(pose[None, :2], pose[None, 2]), leader=0)

@@ -39,7 +39,7 @@ def triangulate(points: Points, sizes: Sequence[int]) -> tuple[Ints, bool]:
     triangulator.Update()
     found = triangulator.GetOutput().GetPolys().GetConnectivityArray()
     triangles = np.asarray(vtk_to_numpy(found), np.int64).reshape(-1, 3)
-    area = double_areas(points, points, triangles)
+    area = edge_cross_products(points, points, triangles)
     is_one_way = bool((area >= 0).all() or (area <= 0).all()) and bool(area.any())
     triangles[area < 0] = triangles[area < 0][:, ::-1]
     contours = np.split(points, ends[:-1])
@@ -57,11 +57,11 @@ def triangulate(points: Points, sizes: Sequence[int]) -> tuple[Ints, bool]:
     return triangles, is_whole
 
 
-def double_areas(points: Points, others: Points, triangles: Ints) -> Floats:
-    """Return twice the signed area (t,) of each triangle (t, 3), with an edge from each point set.
+def edge_cross_products(points: Points, others: Points, triangles: Ints) -> Floats:
+    """Return the cross product u × w (t,) of two edges of each triangle (t, 3).
 
-    It is u × w, with u the edge from the first to the second vertex in `points` (n, 2), and w that
-    from the first to the third in `others` (n, 2). It is an area if both sets are the same.
+    u: from its first vertex to its second in `points` (n, 2); w: from its first to its third in
+    `others` (n, 2). If both are the same points, the result is twice the signed area.
     """
     u = points[triangles[:, 1]] - points[triangles[:, 0]]
     w = others[triangles[:, 2]] - others[triangles[:, 0]]

@@ -101,7 +101,7 @@ def build_sampler(
 
 
 def start_at_row(sampler: Sampler, row: int) -> RolloutState:
-    """Return a simulated fish whose past is that of the film at a row (a fish in a frame)."""
+    """Return a simulated fish that starts at a film row, with the filmed fish's past as its own."""
     return RolloutState(sampler.states[row - np.arange(sampler.lags[-1] + 1)], row)
 
 

@@ -114,8 +114,9 @@ def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> ND
 def _appearance_components(
     draw_rows_straight: DrawStraight, rows: int, most_components: int, workers: Workers
 ) -> Floats:
-    """Return principal components (2, rows, c) of straightened pictures and their mirror images.
+    """Describe how each row looks by c principal components of its straightened picture.
 
+    The result is (2, rows, c): of the pictures [0], and of their mirror images [1].
     draw_rows_straight: draws rows by number; rows: how many the film has; c is `most_components`,
     or less in a tiny film.
     """

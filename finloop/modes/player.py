@@ -71,7 +71,7 @@ class PaperPlayer:
 
     @cached_property
     def edit_inputs(self) -> EditInputs:
-        """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
+        """Return the inputs of an edit list: ticks per second, headings, sizes, joins."""
         motion, sprites = self.world.motion, self.sprites
         scale, next_sprites, orientations = np.ones(1), np.zeros(1, np.int64), 1  # never shown
         if sprites is not None:
@@ -136,7 +136,7 @@ class PaperPlayer:
         return stretch, State(self.mode.end_state(fish, stretch), place, ticks_left)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
-        """Return the first ticks of a stretch that began in `state`, and the state after."""
+        """Cut a stretch that began in `state` after some ticks; return it and the state then."""
         short = stretch.cut(ticks)
         # Without the rest of a plan of `matching`, which began elsewhere.
         fish = self.mode.end_state(state.fish, short)

@@ -46,7 +46,7 @@ class TurnFrames:
         return self.number[first:]
 
     def film_turn_deg(self, deepest: int) -> float:
-        """Return the degrees that the film turns over a turn's sprites if no bend is held.
+        """Return by how many degrees the filmed fish turns over a turn's sprites, none held.
 
         deepest: place of the sprite that bends most.
         """

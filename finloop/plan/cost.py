@@ -113,7 +113,7 @@ class Rarity:
         return self.step_costs(self.steps)
 
     def transition_costs(self, rows: Ints, codes: Floats, row: int) -> Floats:
-        """Return by how many ticks (k,) a transition makes the steps after it costlier than filmed.
+        """Return what the steps after a transition to each row (k,) cost more than filmed, ticks.
 
         The two poses of a transition differ. Over the first three steps the difference fades, which
         makes each of them larger than in the film. rows (k,): rows that may be shown next; row: the

@@ -80,7 +80,7 @@ class Planner:
 
     @cached_property
     def edit_inputs(self) -> EditInputs:
-        """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
+        """Return the inputs of an edit list: ticks per second, headings, sizes, joins."""
         film, motion = self.world.film, self.world.motion
         filmed = slice(0, film.filmed_count)  # the rows after these are mirror images
         # This mode shows no sprites: the arrays of sprites hold one that is never shown.
@@ -180,7 +180,7 @@ class Planner:
         )
 
     def with_obstacles(self, state: State, other_plans: Floats) -> State:
-        """Return the state in which the fish knows these other fish, instead of those it knew.
+        """Replace the other fish that a state knows by their present plans; return the new state.
 
         Those near enough to be met come first. other_plans (n, m, 4): x, y px, heading, picture of
         m others in n ticks, from the fish's present tick on.
@@ -522,9 +522,9 @@ class Planner:
 
     @cached_property
     def _commit_ticks(self) -> tuple[int, int]:
-        """Return how many ticks of a plan a fish swims before the next search: off and on a path.
+        """Return for how many ticks a fish swims by a plan: two numbers, without and with a path.
 
-        They are a whole number of strides.
+        Then the next search comes. They are a whole number of strides.
         """
         p, stride = self.world.settings, self._weights.stride
         off_path, on_path = (
@@ -576,7 +576,7 @@ class Planner:
         return self._fallback.count_free_ticks(state.fish, stretch) == len(stretch.trajectory)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
-        """Return the first ticks of a stretch that began in `state`, and the state after them."""
+        """Cut a stretch that began in `state` after some ticks; return it and the state then."""
         short = stretch.cut(ticks)
         # The next call searches on from the old place along the path for the new one.
         progress = Progress(state.progress.along)

@@ -128,6 +128,7 @@ def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
     """Convert detections from px of a part of the tank, whose corner is x, y, to px of the tank."""
 
     def shift_fish(fish: SegmentedFish) -> SegmentedFish:
+        """Return a fish with all its places shifted by x, y px."""
         offset = np.array([x, y])
         return replace(
             fish, x_px=fish.x_px + x, y_px=fish.y_px + y, x0=fish.x0 + x, y0=fish.y0 + y,

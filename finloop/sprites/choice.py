@@ -530,6 +530,7 @@ def choose_frames(
     typical_sharpness = _measure_typical_sharpness(table, draw_pictures)
 
     def best_runs(sequence: str, candidates: pd.DataFrame) -> list[FrameRun]:
+        """Return the best candidate of each track for a sequence, the best first."""
         return best_runs_of_tracks(
             table, candidates, draw_pictures, typical_sharpness, settings,
             is_cycle=sequence not in SIDES,
@@ -689,6 +690,7 @@ def choose_run_combination(
     log_appearance = np.log(_typical_appearance(table))
 
     def change_cost(track_a: int, track_b: int) -> float:
+        """Return the cost of a change of the animal between two sequences; 0 without a change."""
         if track_a == track_b:
             return 0.0
         difference = float(np.abs(log_appearance.loc[track_a] - log_appearance.loc[track_b]).mean())

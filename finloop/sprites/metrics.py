@@ -85,7 +85,7 @@ def sprite_metrics(
 def cycle_metrics(
     sequence: str, choice: ChosenFrames, table: pd.DataFrame, draw_pictures: DrawPictures
 ) -> dict[str, float]:
-    """Return how far the tail swings [body lengths] in a cycle of sprites, and how well it closes.
+    """Measure a cycle of sprites: swing of the tail [body lengths], and closure of the loop.
 
     The result has three metrics by name. sequence: "straight" or "slide". Closure is the picture
     distance of the last frame, and of the one after it, from the first, over the cycle's median
