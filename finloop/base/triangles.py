@@ -39,7 +39,7 @@ def triangulate(points: Points, sizes: Sequence[int]) -> tuple[Ints, bool]:
     triangulator.Update()
     found = triangulator.GetOutput().GetPolys().GetConnectivityArray()
     triangles = np.asarray(vtk_to_numpy(found), np.int64).reshape(-1, 3)
-    area = edge_cross_products(points, points, triangles)
+    area = cross_products(points, points, triangles)
     is_one_way = bool((area >= 0).all() or (area <= 0).all()) and bool(area.any())
     triangles[area < 0] = triangles[area < 0][:, ::-1]
     contours = np.split(points, ends[:-1])
@@ -57,7 +57,7 @@ def triangulate(points: Points, sizes: Sequence[int]) -> tuple[Ints, bool]:
     return triangles, is_whole
 
 
-def edge_cross_products(points: Points, others: Points, triangles: Ints) -> Floats:
+def cross_products(points: Points, others: Points, triangles: Ints) -> Floats:
     """Return the cross product u × w (t,) of two edges of each triangle (t, 3).
 
     u: from its first vertex to its second in `points` (n, 2); w: from its first to its third in

@@ -20,7 +20,7 @@ from finloop.base.arrays import Complex, Floats, Ints, Points
 from finloop.base.drawing import Morph
 from finloop.base.paint import Shape, painted_frames
 from finloop.base.style import Gradient, colours_at, gradient_offsets
-from finloop.base.triangles import edge_cross_products, triangulate
+from finloop.base.triangles import cross_products, triangulate
 from finloop.io.atomic import save_bytes
 from finloop.io.record import save_json
 
@@ -230,14 +230,8 @@ def _any_flips(before: Points, after: Points, triangles: Ints) -> bool:
 
     Twice its area is a quadratic in time with the Bernstein coefficients a, b, c.
     """
-    a, c = (
-        edge_cross_products(before, before, triangles),
-        edge_cross_products(after, after, triangles),
-    )
-    b = (
-        edge_cross_products(before, after, triangles)
-        + edge_cross_products(after, before, triangles)
-    ) / 2
+    a, c = cross_products(before, before, triangles), cross_products(after, after, triangles)
+    b = (cross_products(before, after, triangles) + cross_products(after, before, triangles)) / 2
     stays = (a >= 0) & (c >= 0) & ((b >= 0) | (b * b <= a * c))
     return not bool(stays.all())
 

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from finloop.base.arrays import Complex, Floats, Points
-from finloop.base.triangles import edge_cross_products, triangulate
+from finloop.base.triangles import cross_products, triangulate
 from finloop.morph.folds import ContourLayout
 
 COARSE = 64  # points of a contour for which frames are solved
@@ -116,7 +116,7 @@ def _shape_gradients(points: Points, sizes: list[int]) -> tuple[Complex, Floats]
     it times w. sizes: of the contours. None if there are no triangles that cover the area.
     """
     triangles, is_whole = triangulate(points, sizes)
-    areas = edge_cross_products(points, points, triangles) / 2
+    areas = cross_products(points, points, triangles) / 2
     if not is_whole:
         return None
     if areas.sum() < 0:
