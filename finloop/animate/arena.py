@@ -53,7 +53,7 @@ class Tank:
 
     @property
     def corners_px(self) -> tuple[int, int, int, int]:
-        """Return the arena's leftmost and topmost, rightmost and lowest pixel: x, y, x, y."""
+        """Return the box around the tank's pixels, px: left, top, right, bottom."""
         rows, columns = (np.flatnonzero(self.arena.any(axis)) for axis in (1, 0))
         return int(columns[0]), int(rows[0]), int(columns[-1]), int(rows[-1])
 

@@ -27,7 +27,7 @@ def random_goals(world: World, count: int, rng: np.random.Generator) -> list[Goa
 
 
 def random_wander_place(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
-    """Choose a random place to wander to; return it, x, y px (2,), and the ticks to try for.
+    """Choose a random place to wander to; return x, y px (2,), and for how many ticks it holds.
 
     It is as far to the side as one of the film's turns, as far away as a straight stretch, and in
     sight; else anywhere in the tank.

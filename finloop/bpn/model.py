@@ -116,7 +116,7 @@ def round_swimming_types(swimming_type: Reals) -> NDArray[np.int8]:
 
 
 def find_input_range(inputs: Floats) -> tuple[Floats, Floats]:
-    """Return the inputs that the network scales to -1 and those that it scales to 1, (4,) each.
+    """Return the range that the network scales to -1 … 1: lowest and highest inputs, (4,) each.
 
     inputs (n, 4): columns and units INPUTS. Motion area and swimming type have fixed ranges.
     Displacement and angle take theirs from the rows, without the extreme 1 %, so that a wild frame
@@ -167,7 +167,7 @@ def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningR
 def split_by_blocks(
     rows: LearningRows, block_frames: int, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Return which rows (n,) to learn from, and which to hold out, by stretches of time.
+    """Split the rows, by stretches of time, into those to learn from and to hold out: masks (n,).
 
     block_frames: length of a stretch, which holds all tracks; held_out_share: of the rows, about, 0
     … 1. A row whose window t … t + Δ reaches from one side into the other is in neither.
@@ -196,7 +196,7 @@ def split_by_blocks(
 def split_by_tracks(
     rows: LearningRows, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Return which rows (n,) to learn from, and which to hold out, by whole tracks.
+    """Split the rows, by whole tracks, into those to learn from and to hold out: masks (n,).
 
     held_out_share: of the rows, about, 0 … 1. FinloopError if there are too few tracks or rows.
     """
@@ -212,7 +212,7 @@ def split_by_tracks(
 
 
 def split_rows(rows: LearningRows, split_by: str, settings: BpnSettings) -> tuple[Mask, Mask]:
-    """Return which rows (n,) to learn from, and which to hold out.
+    """Split the rows into those to learn from and those to hold out: two masks (n,).
 
     split_by: "blocks" of time or whole "tracks". At most `settings.most_rows` are learnt from: a
     random sample in a long film. FinloopError if the film is too short.
@@ -238,7 +238,7 @@ def split_rows(rows: LearningRows, split_by: str, settings: BpnSettings) -> tupl
 
 
 def split_rows_if_possible(rows: LearningRows, settings: BpnSettings) -> tuple[Mask, Mask]:
-    """Return which rows (n,) to learn from, and which to hold out.
+    """Split the rows as `split_rows` does; hold none out of a film that is too short for that.
 
     All rows of a very short film are learnt from, and none is held out. FinloopError if there are
     no rows, or if the user's settings prevent the division: whole tracks, or blocks shorter than Δ.

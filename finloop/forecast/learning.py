@@ -124,9 +124,8 @@ def _learn_epoch(
 ) -> None:  # fmt: skip
     """Train the network once on the whole sample, in random batches, with noise on the past.
 
-    Batches have equal sizes.
-
-    What does not fill a last batch is left out. number_weights (d,): of each state number's error.
+    Batches have equal sizes. What does not fill a last batch is left out. number_weights (d,): of
+    each state number's error.
     """
     count = len(sample.past)
     batch_size = min(p.batch_size, count)

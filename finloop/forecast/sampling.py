@@ -196,12 +196,11 @@ def _fill_with_past(inputs: Weights, states: Floats, present_index: int, lags: I
 def follow_row(sampler: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """Return the next states (ticks, d) of a fish that moves as the film does from a row on.
 
-    The last tick is first.
-
-    Each is the film's state plus `settle` times the difference of two predictions: from the fish's
-    own past, and from the film's (sampler.mean). The motion of a row at rest is the film's alone.
-    The states are fewer if the row's track ends. past (L + 1, d): the fish's states, the present
-    first; control (2,): of the first tick; its difference from the row's own stays constant.
+    The last tick is first. Each is the film's state plus `settle` times the difference of two
+    predictions: from the fish's own past, and from the film's (sampler.mean). The motion of a row
+    at rest is the film's alone. The states are fewer if the row's track ends. past (L + 1, d): the
+    fish's states, the present first; control (2,): of the first tick; its difference from the row's
+    own stays constant.
     """
     size, lags, past_length = sampler.states.shape[1], sampler.lags, len(past)
     while ticks > 1 and not sampler.usable[row : row + ticks].all():

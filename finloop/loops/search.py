@@ -76,7 +76,7 @@ def find_video_loops(
     pairs: SparseDistanceMap, features: pd.DataFrame, rate_hz: float, step_median: float,
     settings: LoopsSettings,
 ) -> tuple[pd.DataFrame, dict[str, float]]:  # fmt: skip
-    """Find a film's video loops (§4.1, Figs. 8, 12, 13), best first, with each test's counts.
+    """Find a film's video loops (§4.1, Figs. 8, 12, 13), best first, and count what tests left.
 
     pairs: distances D of comparable rows (Eq. 6); step_median: the film's median step, in the unit
     of D. The loops have the columns of `LOOPS`; the counts are those of `find_loop_candidates`.
@@ -110,7 +110,7 @@ def least_loop_frames(delta_frames: int, settings: LoopsSettings) -> int:
 def find_loop_candidates(
     pairs: SparseDistanceMap, features: pd.DataFrame, most_distance: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, dict[str, float]]:
-    """Return pairs of frames that look and move alike, best first, and how many each test left.
+    """Find pairs of frames that look and move alike, best first, and count what each test left.
 
     They are local minima of filtered D, the picture distance of two frames and their neighbours.
     The table has columns a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: the

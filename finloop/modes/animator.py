@@ -120,7 +120,7 @@ class Animator:
             settle_fish(self.player, tasks, Plans(self.fish_count))
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """Return an animation to `goals`: each fish's stretches, and the edit list (`EDIT`).
+        """Plan an animation to `goals`; return each fish's stretches, and the edit list (`EDIT`).
 
         In an animation joined by cross-fades, pictures too unlike to be mixed are not mixed.
         """
@@ -147,7 +147,7 @@ class Animator:
         return self._animate(tasks)[1], [task.goals for task in tasks]
 
     def _animate(self, tasks: Sequence[SwimTask]) -> tuple[list[Swim], pd.DataFrame]:
-        """Return the animation of each fish, and the edit list of all."""
+        """Animate a fish for each task; return the animation of each, and the edit list of all."""
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
         animations = animate_group(self.player, tasks, ticks)
         return animations, build_edit_lists(animations, ticks, self.player.edit_inputs)

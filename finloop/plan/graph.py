@@ -364,7 +364,7 @@ def _lead_to_largest_component(shown: Mask, start: Ints, to: Similar) -> Mask:
 
 @kernel
 def _mark_rows_that_lead(marked, first_edge, to):  # type: ignore[no-untyped-def]
-    """Mark the rows that lead to marked rows, too. marked (m,): changed in place.
+    """Mark all rows that lead to marked rows, directly or by others; marked (m,): changed.
 
     Row k leads to rows `to[first_edge[k]:first_edge[k + 1]]`. Rows are swept from the last to the
     first, as most lead to the next one, until nothing changes.

@@ -226,11 +226,11 @@ class Planner:
     def _choose_target(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[Target, Floats, int, bool]:
-        """Choose the target of a fish without a path; return it with the place that it stands for.
+        """Choose the target of a fish without a path; return it, and what its state stores of it.
 
-        The place (2,), its ticks, and whether a rule requested it are kept or chosen: see
-        `_choose_place`; a goal is not stored. The target is free where the fish only wanders and
-        goes where the film goes.
+        Stored are the place (2,), its ticks, and whether a rule requested it: see `_choose_place`;
+        a goal is not stored. The target is free where the fish only wanders and goes where the film
+        goes.
         """
         world = self.world
         if isinstance(goal, Goal):
@@ -460,7 +460,7 @@ class Planner:
     def _swim_next_run(
         self, fish: Fish, before: Progress, objective: Objective, plan: Plan | None
     ) -> tuple[Stretch, Progress]:
-        """Return the stretch of the next planned run of film, and progress with the later runs.
+        """Swim the next run of a plan; return the stretch, and the progress with the later runs.
 
         The stretch has no tick where the run leaves the tank at once. The later runs are dropped
         where this one ends early. before: progress and planned runs; plan: result of the search

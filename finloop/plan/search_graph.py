@@ -64,9 +64,8 @@ def search_graph(
 def _leg_ticks(is_jump_row: Mask, run: Ints, stride: int) -> Ints:
     """Return the duration (n,), in ticks, of the leg that begins at each row.
 
-    See `SearchGraph.leg`.
-
-    is_jump_row (n,): whether jumps can replace the row; run (n,): ticks to where the film ends.
+    A leg ends as `SearchGraph.leg` says. is_jump_row (n,): whether jumps can replace the row; run
+    (n,): ticks to where the film ends.
     """
     rows = np.arange(len(run))
     # The last number, beyond all rows, is for rows without jumps farther on.

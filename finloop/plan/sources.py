@@ -69,10 +69,10 @@ class FilmSource:
     def candidates(
         self, fish: Fish, rest_cost: float, along_px: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """Return the film's next row and its jumps, with costs, and the start of their search.
+        """Return the candidates of a fish in the film, with costs, and the start of their search.
 
-        rest_cost: ticks that a tick on the spot costs; along_px: px along the path. None where no
-        row can be shown next.
+        They are the film's next row and its jumps. rest_cost: ticks that a tick on the spot costs;
+        along_px: px along the path. None where no row can be shown next.
         """
         film = self.graph.film
         film_row = film.rows[fish.row]
@@ -133,10 +133,10 @@ class PredictionSource:
     def candidates(
         self, fish: Fish, rest_cost: float, along_px: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """Return the rows similar to the fish's row, with costs, and the start of their search.
+        """Return the candidates of a predicted fish, with costs, and the start of their search.
 
-        rest_cost: ticks that a tick on the spot costs; along_px: px along the path. None where no
-        row can be shown next.
+        They are the rows that the forecast finds similar to the fish's row. rest_cost: ticks that a
+        tick on the spot costs; along_px: px along the path. None where no row can be shown next.
         """
         film, row = self.graph.film, self._row_that_leads_on(fish)
         start = _search_start(fish, fish.x, fish.y, fish.tick, rest_cost, along_px)

@@ -422,7 +422,7 @@ def _find_turn_span(
 ) -> tuple[int, int] | None:
     """Return the first and the last row of the turn around a row; None if the turn is not whole.
 
-    All are as in `_measure_turn`.
+    The arguments are those of `_measure_turn`.
     """
     first = _find_straightest_row(bend, peak_row, 0, settings)
     last = _find_straightest_row(bend, peak_row, len(bend) - 1, settings)

@@ -199,9 +199,9 @@ def turn_cutout(
 
 
 def trim_picture(pixels: NDArray[np.uint8]) -> tuple[int, int, NDArray[np.uint8]]:
-    """Return the smallest part of a picture that has all its visible pixels, with its place.
+    """Trim a picture to its visible pixels; return left and top of the part, px, and the part.
 
-    The result is left and top of the part in px, and the part. The last channel is alpha; a wholly
+    The last channel is alpha; a wholly
     transparent picture is trimmed to its first pixel.
     """
     left, top, width, height = cv2.boundingRect(np.ascontiguousarray(pixels[..., -1]))
