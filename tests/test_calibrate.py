@@ -81,7 +81,7 @@ def features(places, headings):
             table[name] = 1
     last = table["frame"] == frames - 1  # Δ of a frame
     table["displacement"] = np.where(last, np.nan, STEP)
-    return table.astype(FEATURES.kinds)[FEATURES.names]
+    return table.astype(FEATURES.pandas_dtypes)[FEATURES.names]
 
 
 def quick_settings(**changes):
@@ -342,7 +342,7 @@ def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypat
 def test_of_several_films_the_first_alone_teaches(zones_run, tmp_path, monkeypatch):
     first, second = swim(TRUE, frames=200), swim(NO_ZONES, frames=300, seed=1)
     later = second.assign(frame=second["frame"] + 200, track_id=second["track_id"] + 6)
-    both = pd.concat([first, later], ignore_index=True).astype(FEATURES.kinds)
+    both = pd.concat([first, later], ignore_index=True).astype(FEATURES.pandas_dtypes)
     parts = [
         JoinedFilm("x", "x.mp4", 0, 0, "broken"), JoinedFilm("a", "a.mp4", 0, 200),
         JoinedFilm("b", "b.mp4", 200, 500),

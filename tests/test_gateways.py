@@ -82,7 +82,7 @@ def feature_table():
     table = table.reindex(columns=FEATURES.names, fill_value=0)
     last = table["frame"] >= FRAMES - DELTA
     table["displacement"] = np.where(last, np.nan, 0.0)
-    return table.astype(FEATURES.kinds), cutouts
+    return table.astype(FEATURES.pandas_dtypes), cutouts
 
 
 def sprite_rows(features, picked, off=0.0, mirrored=False, sequence="straight"):
@@ -106,7 +106,7 @@ def sprite_rows(features, picked, off=0.0, mirrored=False, sequence="straight"):
 def whole(*parts):
     table = pd.concat(parts, ignore_index=True)
     table.insert(0, "sprite", np.arange(len(table)))
-    return table[SPRITES.names].astype(SPRITES.kinds)
+    return table[SPRITES.names].astype(SPRITES.pandas_dtypes)
 
 
 class World:

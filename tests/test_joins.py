@@ -71,7 +71,7 @@ def test_the_film_itself_is_in_no_pose():
 def test_posture_velocity_and_heading_go_on_across_a_join_and_die_away():
     shown = frames((10, 30), (310, 40))
     found, codes = inertialize_shown(shown, FREE), BODIES.codes(shown_bodies(shown))
-    assert list(np.flatnonzero(found.posed)) == list(range(30, 30 + FREE.reach - 3))
+    assert list(np.flatnonzero(found.posed)) == list(range(30, 30 + FREE.most_ticks - 3))
     assert list(found.begins) == [30]
     film = BODIES.poses.codes
     assert found.codes[30] == pytest.approx(film[40], abs=1e-5)  # what would have come

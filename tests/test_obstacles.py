@@ -33,7 +33,9 @@ EDGE = 1.5  # px around every body
 
 def obstacles_at(ways, start, discs, stays):
     """The obstacles of fish whose ways begin at a tick."""
-    return make_obstacles(Plans.from_paths(ways, start).others(-1, start), start, discs, stays)
+    return make_obstacles(
+        Plans.from_paths(ways, start).places_of_others(-1, start), start, discs, stays
+    )
 
 
 SPOT = Target(0.0, 0.0, 0.0, 0.0)
@@ -317,5 +319,5 @@ def test_more_fish_than_fit():
     places = product(range(10, 120, 10), range(10, 70, 10))
     plans = Plans.from_paths(fish + [np.array([[x, y, 0.0, 0.0]]) for x, y in places], 0)
     with pytest.raises(FinloopError, match="no room"):
-        others = player.others_to_avoid(plans.others(-1, 0), 0)
+        others = player.others_to_avoid(plans.places_of_others(-1, 0), 0)
         player.begin(np.random.default_rng(0), None, others)

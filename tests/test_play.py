@@ -653,6 +653,6 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
         for fish in tank.fish:
             last = fish.decision_at(tank.tick)
             paths = [one.planned_path_from(last.tick) for one in tank.fish if one is not fish]
-            others = Plans.from_paths(paths, last.tick).others(-1, last.tick)
+            others = Plans.from_paths(paths, last.tick).places_of_others(-1, last.tick)
             state = player.with_obstacles(last.state, others)
             assert player.is_clear(state._replace(fish=last.state.fish), last.stretch)

@@ -157,7 +157,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
 
     def with_neighbours(fish, gap):
         sides = [np.array([[x + side, y, 90.0, first.picture]]) for side in (-gap, gap)]
-        others = Plans.from_paths(sides, fish.tick).others(-1, fish.tick)
+        others = Plans.from_paths(sides, fish.tick).places_of_others(-1, fish.tick)
         return fish._replace(obstacles=player.others_to_avoid(others, fish.tick))
 
     def free(gap):

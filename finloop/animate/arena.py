@@ -188,7 +188,7 @@ class FilmHulls:
     outlines_px: Reals
 
     @cached_property
-    def whole(self) -> NDArray[np.int32]:
+    def whole_film(self) -> NDArray[np.int32]:
         """Return the hull of all outlines."""
         hulls = self.halves or [_convex_hull(self.outlines_px)]
         return np.asarray(cv2.convexHull(np.concatenate(hulls)), np.int32)
@@ -209,7 +209,7 @@ class FilmHulls:
         """
         half_areas = [cv2.contourArea(hull) for hull in self.halves]
         return len(half_areas) > 0 and bool(
-            np.mean(half_areas) >= _COMPLETE * cv2.contourArea(self.whole)
+            np.mean(half_areas) >= _COMPLETE * cv2.contourArea(self.whole_film)
         )
 
 
@@ -281,7 +281,7 @@ def tank_area(
     if tank_setting == "arena" or (tank_setting == "auto" and not arena.all()):
         return arena
     in_hull = np.zeros(arena.shape, np.uint8)
-    cv2.fillConvexPoly(in_hull, hulls.whole, 1)
+    cv2.fillConvexPoly(in_hull, hulls.whole_film, 1)
     filmed = arena & in_hull.astype(bool)
     if tank_setting == "filmed":
         return filmed

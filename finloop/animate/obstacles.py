@@ -81,10 +81,10 @@ class Plans:
         """Make the plans of fish whose trajectories (n, 4), one a fish, all begin at one tick."""
         plans = cls(len(trajectories))
         for number, trajectory in enumerate(trajectories):
-            plans.put(number, start_tick, trajectory)
+            plans.store(number, start_tick, trajectory)
         return plans
 
-    def put(self, fish: int, start_tick: int, trajectory: Floats) -> None:
+    def store(self, fish: int, start_tick: int, trajectory: Floats) -> None:
         """Store what a fish plans from a tick on, in place of its earlier plan.
 
         trajectory (n, 4): x, y px, heading in degrees and number of the picture, n ≥ 1.
@@ -95,7 +95,7 @@ class Plans:
         self._trajectories[fish, : len(trajectory)] = trajectory
         self._begins[fish], self._ticks[fish] = start_tick, len(trajectory)
 
-    def others(self, fish: int, tick: int) -> Floats:
+    def places_of_others(self, fish: int, tick: int) -> Floats:
         """Return where all fish but `fish` will be from a tick on: (n, m, 4), m fish at n ticks.
 
         The columns are x, y px, heading in degrees and number of the picture. The last tick is
@@ -107,12 +107,12 @@ class Plans:
         )
 
     def fish_in_column(self, fish: int, column: int) -> int:
-        """Return the number of the fish that column `column` of `others(fish, …)` shows."""
+        """Return the number of the fish in column `column` of the places of others for `fish`."""
         planned = np.flatnonzero(self._ticks > 0)
         return int(planned[planned != fish][column])
 
     def has_planned(self, fish: int) -> bool:
-        """Return whether a fish has planned anything yet."""
+        """Return whether a plan of fish number `fish` is stored."""
         return bool(self._ticks[fish])
 
     def pose_at(self, fish: int, tick: int) -> Floats:
@@ -137,10 +137,11 @@ def make_obstacles(
 
 @kernel
 def _places_of_others(trajectories, begins, ticks, fish, tick):  # type: ignore[no-untyped-def]
-    """Return where all fish but `fish` will be from `tick` on, as planned: see `Plans.others`.
+    """Return where all fish but `fish` will be from `tick` on, as planned: (n, m, 4).
 
-    trajectories (fish, t, 4): of all fish; begins, ticks (fish,): first tick and duration of each,
-    0 long where a fish has not planned yet. Compiled, as every decision of every fish needs it.
+    See `Plans.places_of_others`. trajectories (fish, t, 4): of all fish; begins, ticks (fish,):
+    first tick and duration of each, 0 long where a fish has not planned yet. Compiled, as every
+    decision of every fish needs it.
     """
     others = [k for k in range(len(ticks)) if k != fish and ticks[k] > 0]
     count = 1

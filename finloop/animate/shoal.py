@@ -90,7 +90,7 @@ class SchoolMember:
         """
         self._player, self._task, self._route = player, task, task.route
         self._number = number
-        obstacles = player.others_to_avoid(plans.others(number, 0), 0)
+        obstacles = player.others_to_avoid(plans.places_of_others(number, 0), 0)
         self._state = player.begin(task.rng, task.route, obstacles)
         self.swim = Swim([], [], np.full(len(task.goals), -1))
         self._reached = 0  # goals
@@ -105,7 +105,7 @@ class SchoolMember:
                 "beginnings at which the fish do not touch",
                 "begin a path elsewhere, or let fish overlap (matching.overlap=true)",
             )
-        plans.put(number, 0, pose[None])
+        plans.store(number, 0, pose[None])
 
     @property
     def tick(self) -> int:
@@ -114,11 +114,11 @@ class SchoolMember:
 
     def decide(self, plans: Plans) -> None:
         """Plan the fish's next stretch, clear of the others' plans, and add it to `plans`."""
-        start_tick, others = self.tick, plans.others(self._number, self.tick)
+        start_tick, others = self.tick, plans.places_of_others(self._number, self.tick)
         goal = self._next_goal() or self._next_rule(plans, others)
         state = self._player.with_obstacles(self._state, others)
         stretch, self._state = self._player.plan(state, goal, self._task.rng)
-        plans.put(self._number, start_tick, stretch.path_and_pictures)
+        plans.store(self._number, start_tick, stretch.path_and_pictures)
         # What the animation says of it; a goal that the stretch touches at its end is reached.
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""
         self.swim.stretches.append(stretch)

@@ -99,10 +99,7 @@ class Morph:
 
     @property
     def end_frame(self) -> int:
-        """Return the frame after the last: 0 if the morph goes there and back, else −1.
-
-        −1 is the last again.
-        """
+        """Return the frame after the last: 0 if the morph goes there and back, else −1 (none)."""
         return 0 if self.tau[-1] < self.tau.max() else -1
 
     def take_frames(self, frames: Ints) -> "Morph":

@@ -20,7 +20,7 @@ class Column:
     length: int = 0  # 0: cells are single values; > 0: lists of so many numbers; ANY: lists
 
     @property
-    def kind(self) -> str:
+    def pandas_dtype(self) -> str:
         """Return the dtype in pandas: object for lists, Int32 for integers that may be missing."""
         if self.length:
             return "object"
@@ -30,16 +30,16 @@ class Column:
 
 
 class Schema:
-    """The columns of a table in order (`columns`, `names`), and pandas dtypes by name (`kinds`)."""
+    """The columns of a table in their order, with their names and pandas dtypes."""
 
     def __init__(self, *columns: Column) -> None:
         """Keep the columns, and read off their names and pandas dtypes."""
         self.columns, self.names = columns, [column.name for column in columns]
-        self.kinds = {column.name: column.kind for column in columns}
+        self.pandas_dtypes = {column.name: column.pandas_dtype for column in columns}
 
     def empty(self) -> pd.DataFrame:
         """Return a table without rows that has these columns and dtypes."""
-        return pd.DataFrame(columns=self.names).astype(self.kinds)
+        return pd.DataFrame(columns=self.names).astype(self.pandas_dtypes)
 
 
 def columns(

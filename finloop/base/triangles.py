@@ -17,10 +17,10 @@ _SURE = 1e-9  # a point is within a circle if it is so by more than this share o
 
 
 def triangulate(points: Points, sizes: Sequence[int]) -> tuple[Ints, bool]:
-    """Return triangles (t, 3) of the area within contours (n, 2), and whether they are all of it.
+    """Return triangles (t, 3) of the area within contours (n, 2), and whether they cover it all.
 
     sizes: numbers of vertices of the contours, one after the other. By the even-odd rule a contour
-    within another is a hole. The triangles turn anticlockwise, y up. They are not all of it where
+    within another is a hole. The triangles turn anticlockwise, y up. They do not cover it all where
     contours meet. They are Delaunay triangles but for the contours: no sliver without need, so they
     bear much motion.
     """

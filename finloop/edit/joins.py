@@ -68,7 +68,7 @@ class JoinRules:
     rests: Mask
 
     @property
-    def reach(self) -> int:
+    def most_ticks(self) -> int:
         """Return for how many ticks a join changes the pictures after it, at most.
 
         Ticks at which the animal rests do not count.

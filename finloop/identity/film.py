@@ -86,7 +86,7 @@ def identify_animals(evidence: IdentityEvidence) -> pd.DataFrame:
             "gap_frames": np.where(has_predecessor, frame[first] - frame[previous], 0),
             "probability": joins.probability,
         }
-    ).astype(IDENTITIES.kinds)
+    ).astype(IDENTITIES.pandas_dtypes)
 
 
 def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
@@ -107,7 +107,7 @@ def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.Data
     previous_stop = ordered.groupby("identity")["stop"].shift()
     ordered["gap_frames"] = (ordered["start"] - previous_stop).fillna(0)
     result = ordered.sort_index().assign(probability=1.0)
-    return result[IDENTITIES.names].astype(IDENTITIES.kinds)
+    return result[IDENTITIES.names].astype(IDENTITIES.pandas_dtypes)
 
 
 def measure_trial_gaps(

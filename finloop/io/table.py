@@ -270,7 +270,7 @@ def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
         rows = array.flatten().to_numpy(zero_copy_only=False).reshape(len(array), column.length)
         return pd.Series(list(rows), dtype=object)
     if column.nullable and pa.types.is_integer(array.type):
-        return array.to_pandas(integer_object_nulls=True).astype(column.kind)
+        return array.to_pandas(integer_object_nulls=True).astype(column.pandas_dtype)
     return array.to_pandas()
 
 

@@ -131,7 +131,7 @@ def choose_best_jumps(
     """
     table = neighbours.assign(seam=neighbours["far"] + np.square(visible_distance))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
-    return table[JUMPS.names].astype(JUMPS.kinds).reset_index(drop=True)
+    return table[JUMPS.names].astype(JUMPS.pandas_dtypes).reset_index(drop=True)
 
 
 @kernel

@@ -176,8 +176,7 @@ def compute_signatures(
 
     Their distances say how unlike rows are. A vector has all parts side by side, each standardized
     and times its weight in `settings`. Its unit is the natural step, the median distance from row
-    to row a step later. step_ends: rows
-    (k,), and the rows (k,) a step later.
+    to row a step later. step_ends: rows (k,), and the rows (k,) a step later.
     """
     weighted = [
         standardize_part(row_parts.pose) * settings.pose_weight,

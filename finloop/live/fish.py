@@ -245,7 +245,9 @@ class LiveFish:
         Their columns are those of `planned_path_from`.
         """
         paths = list(self._find_other_paths(self, self.born + tick).values())
-        return Plans.from_paths(paths, tick).others(-1, tick)  # −1: this fish is none of them
+        return Plans.from_paths(paths, tick).places_of_others(
+            -1, tick
+        )  # −1: this fish is none of them
 
     def request_at(self, tick: int) -> Request:
         """Return what the fish was asked to do at a known tick of the tank."""
@@ -484,7 +486,7 @@ class LiveFish:
             if decision is not last:
                 stretch = decision.stretch
                 moving_ticks += joins.count_moving(stretch.kind, stretch.number)
-            if moving_ticks > joins.reach:
+            if moving_ticks > joins.most_ticks:
                 break
         # How all these motions are drawn; the rows of the last one are wanted.
         stretches = [decision.stretch for decision in recent]

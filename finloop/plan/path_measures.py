@@ -189,7 +189,7 @@ def find_departures(
             worst["asked_x_px"], worst["asked_y_px"], distance_bl[first:stop].max(),
             _cause_of_departure(followed.iloc[first], followed.iloc[stop - 1], path, world, limits),
         ))  # fmt: skip
-    return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
+    return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.pandas_dtypes)
 
 
 def _cause_of_departure(

@@ -77,7 +77,7 @@ class Plan(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Return the plan's cost in ticks, without chance; infinite where it leads nowhere."""
+        """Return the plan's cost, ticks, without its random part; infinite if it leads nowhere."""
         return float(self.outcomes.costs[self.taken] - self.outcomes.terms[self.taken, CHANCE])
 
     def verdicts(self, rate_hz: float) -> CandidateVerdicts:

@@ -134,7 +134,7 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
 
 @kernel
 def keep_inside(bounds: Bounds, pictures: Ints, trajectory: Floats, most_px: float) -> Floats:
-    """Cut a trajectory (n, 3) where it leaves the tank, and move it off walls; return the rest.
+    """Return the part of a trajectory (n, 3) inside the tank, moved off the walls that it touches.
 
     pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading; most_px:
     most by which a tick may be moved, else the part ends. What follows a moved tick is moved by the

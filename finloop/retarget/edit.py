@@ -106,7 +106,7 @@ def build_edit_list(
         "aim_y_px": pose.y_px,
         "reason": reason,
     })  # fmt: skip
-    return table.reindex(columns=EDIT.names).astype(EDIT.kinds)
+    return table.reindex(columns=EDIT.names).astype(EDIT.pandas_dtypes)
 
 
 def _find_fades(shown: PictureSequence, jumps: Ints, joins: JoinRules) -> Ints:

@@ -315,4 +315,4 @@ def _requested_motion_table(
         "apart": apart,
         "clamped": track.clamped,
         "switch": np.isin(np.arange(len(points)), sources.switch),
-    }).astype(ASKED.kinds)[ASKED.names]  # fmt: skip
+    }).astype(ASKED.pandas_dtypes)[ASKED.names]  # fmt: skip

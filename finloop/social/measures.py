@@ -56,7 +56,7 @@ def measure_group(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls)
         "inter_fish_deg": bearing[slots.row, slots.fish],
         "wall_distance": walls.wall_distance(row_place),
         "polarisation": polarisation[slots.row],
-    }).astype(SCHOOL.kinds)[SCHOOL.names]  # fmt: skip
+    }).astype(SCHOOL.pandas_dtypes)[SCHOOL.names]  # fmt: skip
 
 
 def _measure_nearest_neighbours(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
