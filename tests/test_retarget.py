@@ -216,7 +216,7 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(material, carp, p
     assert np.abs(near - codes).max() < 1e-3  # every posture is one that the film shows
     assert animation.numbers["with_postures"] == 0
     notes = stages.retarget.describe_lacks(animation.numbers)
-    assert any("no posture" in one for one in notes)
+    assert any("no pose" in one for one in notes)
     with pytest.raises(FinloopError, match=r"no body length[\s\S]*retarget.scale"):
         of_poses(poses, material, body_keypoints=("centre",))
 
