@@ -195,7 +195,7 @@ class FilmHulls:
 
     @cached_property
     def halves(self) -> list[NDArray[np.int32]]:
-        """Return the hulls of the first and the last half of the outlines; none of a single one."""
+        """Return the hulls of the first and the last half of the outlines; [] of one outline."""
         half = len(self.outlines_px) // 2
         parts = (self.outlines_px[:half], self.outlines_px[half:]) if half else ()
         return [_convex_hull(part) for part in parts]

@@ -63,7 +63,7 @@ def last_on_screen(memory: Ints, first: int, last: int) -> int:
 
 @leaf_kernel
 def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int) -> int:
-    """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
+    """Return, by an index, the last tick at which a row of first … last was on screen; or NEVER.
 
     memory (m, 3): stretches of film that were on screen; index: from `index_memory`, by which a row
     is found more quickly than by `last_on_screen`.
@@ -77,7 +77,7 @@ def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int)
 
 @leaf_kernel
 def _last_tick_of_rows(memory: Ints, low: int, high: int, first: int, last: int) -> int:
-    """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
+    """Return, by bisection, the last tick at which a row of first … last was on screen; or NEVER.
 
     memory (m, 3): stretches of film on screen: first row, last row, tick of the first; low, high:
     numbers of stretches between which, by bisection, the first one that ends at row `first` or

@@ -108,13 +108,13 @@ class SchoolMember:
         plans.store(number, 0, pose[None])
 
     @property
-    def tick(self) -> int:
+    def next_tick(self) -> int:
         """Return the first tick for which nothing is planned."""
         return self._state.fish.tick
 
     def decide(self, plans: Plans) -> None:
         """Plan the fish's next stretch, clear of the others' plans, and add it to `plans`."""
-        start_tick, others = self.tick, plans.places_of_others(self._number, self.tick)
+        start_tick, others = self.next_tick, plans.places_of_others(self._number, self.next_tick)
         goal = self._next_goal() or self._next_rule(plans, others)
         state = self._player.with_obstacles(self._state, others)
         stretch, self._state = self._player.plan(state, goal, self._task.rng)
@@ -124,7 +124,7 @@ class SchoolMember:
         self.swim.stretches.append(stretch)
         self.swim.names.append(name)
         if isinstance(goal, Goal) and stretch.touches_goal:
-            self.swim.reached[self._reached] = self.tick - 1
+            self.swim.reached[self._reached] = self.next_tick - 1
             self._reached += 1
 
     def _next_goal(self) -> Goal | Route | None:
@@ -132,7 +132,9 @@ class SchoolMember:
 
         A path is forgotten once the fish is at its end.
         """
-        if self._route is not None and self._route.is_done(self._state.progress.along, self.tick):
+        if self._route is not None and self._route.is_done(
+            self._state.progress.along, self.next_tick
+        ):
             self._route = None
         if self._route is not None:
             return self._route
@@ -147,7 +149,7 @@ class SchoolMember:
         """
         task, school_rule = self._task, self._player.school_rule
         if task.follows is not None and plans.has_planned(task.follows):
-            return Rule.to_follow(plans.pose_at(task.follows, self.tick))
+            return Rule.to_follow(plans.pose_at(task.follows, self.next_tick))
         if not (task.zones and other_plans.shape[1]):
             return None
         return Rule.by_zones(other_plans[0, :, :3], require_rule(school_rule))
@@ -186,12 +188,12 @@ def animate_group(player: AnyPlayer, tasks: Sequence[SwimTask], ticks: int) -> l
     plans = Plans(len(tasks))
     fish = settle_fish(player, tasks, plans)
     # By the tick at which the plan of each fish ends.
-    queue = [(member.tick, number) for number, member in enumerate(fish)]
+    queue = [(member.next_tick, number) for number, member in enumerate(fish)]
     heapq.heapify(queue)
     while queue[0][0] < ticks:
         number = queue[0][1]
         fish[number].decide(plans)
-        heapq.heapreplace(queue, (fish[number].tick, number))
+        heapq.heapreplace(queue, (fish[number].next_tick, number))
     for member in fish:
         member.swim.reached[member.swim.reached >= ticks] = -1
     return [member.swim for member in fish]

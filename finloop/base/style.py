@@ -207,7 +207,7 @@ def _mix_gradients(a: Gradient, b: Gradient, share: float) -> Gradient:
     """
     stops_a, stops_b = a.stops, b.stops
     if len(stops_a) != len(stops_b):
-        stops_a, stops_b = _stops_at_those_of(a, b), _stops_at_those_of(b, a)
+        stops_a, stops_b = _add_stops(a, b), _add_stops(b, a)
     stops = tuple(
         Stop(
             _mix(one.offset, other.offset, share),
@@ -222,8 +222,8 @@ def _mix_gradients(a: Gradient, b: Gradient, share: float) -> Gradient:
     return Gradient(a.kind, stops, _to_matrix(matrix), focus, spread)
 
 
-def _stops_at_those_of(gradient: Gradient, other: Gradient) -> tuple[Stop, ...]:
-    """Return stops that show a gradient, at its own offsets and at those of another one.
+def _add_stops(gradient: Gradient, other: Gradient) -> tuple[Stop, ...]:
+    """Return a gradient's stops, and more at another one's offsets that change nothing of it.
 
     Where one of them has a hard edge, two stops at one offset, there are two: before and after it.
     """

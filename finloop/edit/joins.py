@@ -178,7 +178,7 @@ def inertialize_pictures(
 
 
 def _due_bodies(drawn: Body, shown: PictureSequence, line_deg: Floats, bodies: Bodies) -> Body:
-    """Return the bodies (ticks,) that the film would show after the picture of the tick before.
+    """Return the body (ticks,) that the film would show at each tick after the picture before.
 
     Before the first tick there is none: that one is not used. drawn (ticks,): the bodies in the
     pictures shown; line_deg (ticks,): direction in which the fish swims; a sprite turns with it.

@@ -131,9 +131,9 @@ def cost_of_time(search, branch):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def is_at_path_end(route, along_px):  # type: ignore[no-untyped-def]
-    """Return whether a fish `along_px` along its route is at its end.
+    """Return whether a fish `along_px` along an open route without times is at its end.
 
-    False if the route is closed, as it has no end, or has times, as it ends by its time.
+    False for other routes: a closed one has no end, and one with times ends by its time.
     """
     if route.closed or route.when.size:
         return False
