@@ -218,7 +218,7 @@ def _cause_of_departure(
 
 
 def _shifts_off_walls(along_px: Floats, path: Path) -> Floats:
-    """Return by how many px (n,) walls made finloop move the requested path, at `along_px` (n,)."""
+    """Return how far, px (n,), the requested path was moved off walls at `along_px` (n,)."""
     steered, asked = (_points_along(route, along_px) for route in path)
     return np.hypot(*(steered - asked).T)
 
