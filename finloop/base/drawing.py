@@ -99,7 +99,7 @@ class Morph:
 
     @property
     def end_frame(self) -> int:
-        """Return the frame shown after the last: 0 for a morph there and back, else −1, the last."""
+        """Return the frame after the last: 0 for a morph there and back, else −1, the last."""
         return 0 if self.tau[-1] < self.tau.max() else -1
 
     def take_frames(self, frames: Ints) -> "Morph":

@@ -16,7 +16,7 @@ def spread_rows(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
 def sample_stretches(
     track_ids: Sequence[int], longest: int, enough_rows: int, seed: int
 ) -> list[slice]:
-    """Draw random stretches of tracks with `enough_rows` rows in all; return ascending slices.
+    """Draw random stretches of tracks until they have `enough_rows` rows; return ascending slices.
 
     track_ids (rows,): the track of every row, in order. A track is one stretch; a track of more
     than `longest` rows is cut into several of equal length. All are returned if they have fewer

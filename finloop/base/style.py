@@ -135,7 +135,7 @@ def _mix(a: float, b: float, share: float) -> float:
 
 
 def _give_dashes(line: Paint, other: Paint) -> Paint:
-    """Return a line with dashes: its own, else those of the other, lengthened to fill the gaps."""
+    """Return a line with dashes: its own, or for a whole line those of `other`, without gaps."""
     if line.dashes:
         return line
     pairs = zip(other.dashes[::2], other.dashes[1::2], strict=True)

@@ -136,9 +136,10 @@ def draw_sprites_and_next(
 
 
 def _headings_relative_to_sprites(reel: Reel, rows: Ints) -> Floats:
-    """Return the film's headings (s,) [°] relative to the sprites', mirrored with the sprite.
+    """Return the film's heading at a row for each sprite (s,) [°], minus the sprite's heading.
 
-    rows (s,): a row of the film for each sprite, at which the heading is measured.
+    For a mirrored sprite it has the other sign. rows (s,): of the film, at which the heading is
+    measured.
     """
     filmed_deg = reel.features["heading_deg"].to_numpy(float)[rows]
     relative = wrap_deg(filmed_deg - reel.sprites["heading_deg"].to_numpy(float))

@@ -275,7 +275,7 @@ class Loops:
 
 
 def add_verdict_counts(roll_outs: RollOuts, decision: Decision) -> Decision:
-    """Return the decision with the numbers of candidates, in all and failing each test, added."""
+    """Add to a decision the number of its candidates, and of those that fail each test."""
     counts = np.bincount(roll_outs.verdict, minlength=len(VERDICTS)).tolist()
     return decision._replace(
         candidates=len(roll_outs.verdict), candidates_tank=counts[_TANK],

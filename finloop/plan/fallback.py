@@ -78,7 +78,7 @@ class Fallback:
         return self._move_aside(fish, *others[nearest, :2].tolist())
 
     def _move_aside(self, fish: Fish, x: float, y: float) -> Stretch:
-        """Return the free part of a stretch away from another fish at x, y px.
+        """Move a fish aside from another fish at x, y px; return the free part of the stretch.
 
         Free is inside the tank and clear of other fish. Where nothing is free, the fish stays in
         place with its present picture for one tick.

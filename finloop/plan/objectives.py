@@ -167,7 +167,7 @@ def heading_vector(preview, branch):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def estimate_path_cost(search, branch, preview, direction):  # type: ignore[no-untyped-def]
-    """Estimate the cost, in ticks, of leaving the path in the next ticks if the film plays on.
+    """Estimate the cost, in ticks, of being off the path next, if the film plays on.
 
     Simpson's rule, (start + 4 middle + end) / 6, integrates the cost, 0 at the start, over the
     places to which the film leads, less what steering can correct until then. search: `Search`;

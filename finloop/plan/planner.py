@@ -535,7 +535,7 @@ class Planner:
 
     @cached_property
     def _look_ahead_ticks(self) -> int:
-        """Return how many ticks a search looks beyond those that the fish swims before the next."""
+        """Return how many ticks a search looks ahead, beyond the ticks that the fish then swims."""
         return self.world.to_ticks(self.world.settings.look_ahead_deltas)
 
     @cached_property

@@ -576,7 +576,7 @@ def _measure_typical_sharpness(table: pd.DataFrame, draw_pictures: DrawPictures)
 
 
 def _refuse_missing_runs(runs: dict[str, Sequence[FrameRun]]) -> None:
-    """Raise FinloopError without a run of straight swimming or of any turn; runs: by sequence."""
+    """Raise FinloopError if there is no run of straight swimming, or no turn; runs: by sequence."""
     missing = [] if runs["straight"] else ["four frames of one track, one after the other"]
     if not (runs["left"] or runs["right"]):
         missing.append("a fish that bends")
