@@ -56,7 +56,7 @@ CHECK = Schema(
 
 @dataclass(frozen=True)
 class Quality:
-    """Measures of a film's light, camera, coding and contrast; NaN for what it does not show."""
+    """Measures of a film's light, camera, coding and contrast; a measure that is unknown is NaN."""
 
     light_flicker_pct: float  # of the mean, root mean square
     light_flicker_hz: float  # NaN: irregular
@@ -75,13 +75,13 @@ class Quality:
 
     @classmethod
     def from_metrics(cls, metrics: Mapping[str, float], prefix: str = "") -> "Quality":
-        """Return the measures that metrics hold as prefix + name; NaN if one is missing."""
+        """Return the measures stored in metrics under prefix + name; NaN if one is missing."""
         return cls(*(metrics.get(prefix + entry.name, np.nan) for entry in fields(cls)))
 
 
 @dataclass
 class ClipTally:
-    """Counts the frames of a clip, sums up their brightness, and keeps samples of them."""
+    """Counts a clip's frames, sums up their brightness, and keeps copies of some of them."""
 
     frames: int = 0
     brightness_sum: float = 0.0
@@ -97,7 +97,7 @@ class ClipTally:
     _last: np.ndarray | None = None
 
     def add_frame(self, frame: np.ndarray) -> None:
-        """Measure the next frame (h, w[, 3]), and copy it if it is one of the spread samples.
+        """Count and measure the next frame (h, w[, 3]); copy it if it is one of the samples.
 
         Only a grid of its pixels is measured (`thin_frame`); copies are whole.
         """
@@ -165,7 +165,7 @@ def choose_examined_frames(frames: int, key_frame_distance: int = 1) -> list[int
 
 
 def _empty_tank(tally: ClipTally) -> Picture:
-    """Return the empty tank (h, w[, 3]): the median of frames, after light and shake are undone.
+    """Return the tank without animals (h, w[, 3]): the median of frames without flicker and shake.
 
     It is as bright as the median of all frames.
     """
@@ -181,7 +181,7 @@ def _empty_tank(tally: ClipTally) -> Picture:
 
 
 def _undo_shake(frames: list[Picture]) -> list[Picture]:
-    """Return frames moved to their median place; one whose shift is unknown stays where it is."""
+    """Return frames moved back by the camera's shift; one whose shift is unknown does not move."""
     landmarks = find_landmarks(_median_picture(frames))
     shifts = [measure_shift(frame, landmarks) for frame in frames]
     certain = [shift for shift in shifts if shift is not UNKNOWN]
@@ -194,7 +194,7 @@ def _undo_shake(frames: list[Picture]) -> list[Picture]:
 
 
 def _median_picture(frames: Sequence[Picture]) -> Picture:
-    """Return the pixels' medians over equally large pictures; of an even number the upper middle.
+    """Return the median of each pixel over pictures of one size; of an even number the upper one.
 
     Neighbours that are out of order change places until the upper half is sorted: for so few
     pictures this is ten times as fast as a sort of each pixel. A strip of rows at a time stays in
@@ -238,7 +238,7 @@ def check_film(
 def _examine_frames(
     frames: Iterable[tuple[int, Picture]], tank_picture: Picture
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return measures of shift, fields and noise by frame, and measures of what moves.
+    """Return two tables: shift, fields and noise of each frame, and measures of its animals.
 
     The first table has a row for each frame; fields and noise are missing where `frames` lacks the
     frame before, against which they are measured. The second table has the columns
@@ -271,7 +271,7 @@ def _examine_frames(
 
 
 def measure_field_order(before: Picture, after: Picture) -> float:
-    """Return which field of interlaced film is earlier, as a number.
+    """Return whether the upper (> 0) or the lower field (< 0) of interlaced film is earlier.
 
     It is above 0 for the upper field, below 0 for the lower: up to ±0.8, and 0 for whole pictures;
     NaN if too little moved. before, after: two successive grey frames (h, w). In interlaced film
@@ -340,7 +340,7 @@ def _measure_moving_pixels(
 
 
 def measure_shake(shifts: Floats, examined: int) -> tuple[float, float, float]:
-    """Return the shake of the camera [px]: root mean square, largest, and how far parts move apart.
+    """Return the camera's shake [px]: root mean square, largest, and how far tiles disagree.
 
     All NaN if most shifts are unknown. shifts (n, 3): as in `Shift`, NaN where unknown; examined:
     how many frames were measured.

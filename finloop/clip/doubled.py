@@ -70,7 +70,7 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
 
 
 def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
-    """Return two masks (frames,): where enough moves to decide, and which frames there are doubled.
+    """Return masks (frames,): where enough moves to decide, and the doubled frames among these.
 
     A frame is doubled if its change is small, and a larger one is among the three before it and
     among the three after it: a resting animal that darts away has small changes on one side only.
@@ -78,7 +78,7 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
     changes (frames,): how much each frame differs from the one before, grey levels.
     """
     known = np.nan_to_num(changes)
-    largest, limit = _limit_small_changes(known)
+    largest, limit = _small_change_limits(known)
     # Enough moves: the largest change is above `_LEAST`, and in the upper half of such changes.
     decidable = largest > _LEAST
     if decidable.any():
@@ -90,8 +90,8 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
     return decidable, decidable & (known <= limit) & (before > limit) & (after > limit)
 
 
-def _limit_small_changes(changes: Floats) -> tuple[Floats, Floats]:
-    """Return the largest change around each frame, and the largest that is small there, (frames,).
+def _small_change_limits(changes: Floats) -> tuple[Floats, Floats]:
+    """Return around each frame the largest change, and the limit of small changes, (frames,).
 
     The changes of the six frames to either side are sorted, without the two largest, which may be
     flashes. Those below the largest gap, a ratio of one to the next, are small; where no gap is
@@ -128,12 +128,12 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
 
 
 def _frames_on_beat(number: Ints, rate: float, phase: float) -> Mask:
-    """Return a mask (frames,) of the frames, given by number, at which a beat is counted."""
+    """Return the mask (frames,) of the frames, given by number, on which a beat falls."""
     return np.floor(number * rate + phase) > np.floor((number - 1) * rate + phase)
 
 
 def _find_rhythm(decidable: Mask, rare: Mask) -> tuple[float, float]:
-    """Return the rate of rare frames [beats per frame] and, roughly, their phase [beats].
+    """Return how often rare frames come [beats per frame], and their approximate phase [beats].
 
     The rate is the peak of a spectrum. decidable, rare: masks (frames,).
     """
@@ -152,7 +152,7 @@ def _find_rhythm(decidable: Mask, rare: Mask) -> tuple[float, float]:
 
 
 def _refine_phase(decidable: Mask, rare: Mask, rate: float, phase: float) -> float:
-    """Return the phase, in beats, that agrees with most frames; of equally good ones the middle.
+    """Return the phase [beats] of a rhythm that agrees with the most frames.
 
     Phases from `phase` to `phase + rate`, as much as passes in a frame, are tried. rate: beats per
     frame; decidable, rare: masks (frames,).

@@ -24,7 +24,7 @@ _PEAK = 0.5  # least share of the flicker's power in one peak that gives it a fr
 
 
 def measure_gain(frame: Picture, tank: Picture) -> Floats:
-    """Return how bright a frame is relative to the empty tank, per channel: (1,) or (3,).
+    """Return a frame's brightness divided by that of the empty tank, per channel: (1,) or (3,).
 
     It is a ratio of sums over the pixels that show the tank in both pictures and are neither black
     nor white; NaN if these are less than a fifth. frame, tank: (h, w[, 3]).
@@ -52,7 +52,7 @@ def _sample_pixels(picture: Picture) -> Floats:
 
 
 def undo_gain(frame: Picture, gains: Floats) -> Picture:
-    """Return a frame (h, w[, 3]) made as bright as the empty tank: each channel over its gain.
+    """Return a frame (h, w[, 3]) divided by its gains, so that it is as bright as the empty tank.
 
     gains: (1,) or (3,), the frame's brightness relative to the tank; NaN leaves the frame as it is.
     """
@@ -117,7 +117,7 @@ def measure_light(
 
 
 def _peak_frequency(flicker: Floats, rate_hz: float) -> float:
-    """Return the frequency [Hz] with most power in the flicker (frames,); NaN if it is spread."""
+    """Return the frequency [Hz] with most power in flicker (frames,); NaN without a clear peak."""
     length = min(len(flicker), _WINDOW)
     starts = range(0, len(flicker) - length + 1, length)
     window, size = np.hanning(length), _FINER * length

@@ -1,4 +1,4 @@
-"""Write the normalised clip of a film with its faults repaired, as a sample of it asks for.
+"""Write the normalised clip of a film, with the repairs that a sample of the film needs.
 
 First the pictures are repaired (fields, doubled ones), then their light and shake, which can only
 be measured on whole pictures. A film without faults stays unchanged: its clip keeps every byte.
@@ -92,7 +92,7 @@ class ClipResult:
 
     @property
     def metrics(self) -> dict[str, float]:
-        """Return metrics by name: the clip's quality; the unrepaired film's, if it was repaired.
+        """Return metrics by name: the clip's quality, and that of a film before its repair.
 
         The latter begin with `filmed_`. For each repair there is `mended_…`, 0 or 1, and for each
         that was tried but made the film no better `refused_…`, 1.
@@ -119,7 +119,7 @@ class _FrameCorrector:
     _last: Shift = field(default=STILL)
 
     def correct_frame(self, frame: Picture) -> Picture:
-        """Return a frame with corrected brightness and place; store by how much."""
+        """Return a frame with corrected brightness and shift; store what was corrected."""
         gains = measure_gain(frame, self.tank) if self.light else None
         if gains is not None:
             self.gains.append(float(gains.mean()))
@@ -132,7 +132,7 @@ class _FrameCorrector:
         return undo_shift(frame, self._last, gains)
 
     def correct_frames(self, frames: NumberedFrames) -> NumberedFrames:
-        """Yield the frames with corrected brightness and place; times and numbers do not change."""
+        """Yield frames with corrected brightness and shift; times and numbers do not change."""
         for time_s, (number, frame) in frames:
             yield time_s, (number, self.correct_frame(frame))
 
@@ -147,7 +147,7 @@ class _FrameCorrector:
         return mask
 
     def measure_film(self, sample: Quality, rate_hz: float) -> Quality:
-        """Return the quality of a sample with the light and shake of all frames, where stored.
+        """Return a sample's quality with the light and shake of the whole film, where stored.
 
         rate_hz: frames per second of the film.
         """
@@ -163,7 +163,7 @@ class _FrameCorrector:
 
 
 class _Reading(NamedTuple):
-    """How a film is read for its clip: the repairs that are made meanwhile."""
+    """The repairs with which a film is read."""
 
     fields: Order = ""  # the earlier field; "": the film is not interlaced
     repeats: RepeatedFrames | None = None  # to be left out
@@ -172,7 +172,7 @@ class _Reading(NamedTuple):
 
 @dataclass(frozen=True)
 class _Version:
-    """A film, or a sample of it, with some repairs: how it was read, and what was measured."""
+    """A film, or a sample of it, read with some repairs, and its measured quality."""
 
     reading: _Reading
     facts: VideoFacts
@@ -205,15 +205,15 @@ def make_clip(
     write = partial(_write_version, p, source, folder, show_progress)
     if not isinstance(p, FootageSettings) or source.footage is None:
         version = write(_Reading())
-        return _describe_version(version, version.quality)
+        return _make_result(version, version.quality)
     version, filmed = _write_planned_version(p, source.footage, write)
     for kind in (_PICTURE_REPAIRS, _VIEW_REPAIRS):
         version = _add_repairs(p, version, kind, write)
-    return _describe_version(version, filmed)
+    return _make_result(version, filmed)
 
 
-def _describe_version(version: _Version, filmed: Quality) -> ClipResult:
-    """Return the result for the version of a film whose clip is written; filmed: see there."""
+def _make_result(version: _Version, filmed: Quality) -> ClipResult:
+    """Return the result for a written version; filmed: the quality of the film before repair."""
     v = version
     return ClipResult(v.facts, v.tally, v.arena, filmed, v.quality, v.mended, v.refused)
 
@@ -221,7 +221,7 @@ def _describe_version(version: _Version, filmed: Quality) -> ClipResult:
 def _write_planned_version(
     p: FootageSettings, footage: Footage, write: _Make
 ) -> tuple[_Version, Quality]:
-    """Write a clip with the repairs that help a sample of it; return it, and the film's quality.
+    """Write a clip with the repairs that help its sample; return it and the unrepaired quality.
 
     The latter is that of the film before any repair.
     """
@@ -245,14 +245,14 @@ def _write_planned_version(
 
 @dataclass
 class _FilmSample:
-    """Stretches of a film, which are kept while repairs are tried on them."""
+    """Stretches of a film, kept in memory while repairs are tried on them."""
 
     footage: Footage
     _stretches: list[list[Picture]] = field(default_factory=list)
     _fields: Order = ""  # with which they were read
 
     def read_stretches(self, fields: Order) -> list[list[Picture]]:
-        """Return the stretches; they are read again if the order of fields is another."""
+        """Return the stretches as lists of frames; read them again if the field order changes."""
         if not self._stretches or self._fields != fields:
             channels = 3 if self.footage.colour else 1
             frame_bytes = channels * self.footage.width_px * self.footage.height_px
@@ -262,7 +262,7 @@ class _FilmSample:
         return self._stretches
 
     def shows_something(self) -> bool:
-        """Return whether two frames or more could be read, and are not plain."""
+        """Return whether at least two frames can be read and the frames are not plain."""
         frames = [thin_frame(frame) for frame in chain(*self.read_stretches(""))]
         return len(frames) > 1 and np.ptp(frames) >= PLAIN_LEVELS
 
@@ -301,7 +301,7 @@ def _write_version(
 
 
 def _add_repairs(p: FootageSettings, version: _Version, kind: set[str], make: _Make) -> _Version:
-    """Return a version with the further repairs that it needs, of one kind, and that help it."""
+    """Return a version with those further repairs of one kind that it needs and that help it."""
     todo = choose_repairs(p, version.quality, min(version.arena.shape)) & kind
     todo -= version.mended | version.refused
     if _is_retimed(version.facts):
@@ -313,7 +313,7 @@ def _make_repairs(
     p: FootageSettings, before: _Version, todo: Set[str], make: _Make,
     helps: Callable[[str, Quality, Quality], bool] | None = None,
 ) -> _Version:  # fmt: skip
-    """Return a version with more repairs, of `REPAIRED_BY`, but without those that do not help.
+    """Return a version with more repairs, of `REPAIRED_BY`; those that do not help are left out.
 
     helps(repair, quality before, quality after): None: `is_better`.
     """
@@ -331,13 +331,13 @@ def _make_repairs(
 
 
 def _is_retimed(facts: VideoFacts) -> bool:
-    """Return whether frame k of a clip may show another moment than frame k of the film."""
+    """Return whether frame k of the clip may show another moment than frame k of the film."""
     retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
     return bool(retimed) or len(facts.segments) > 1
 
 
 def _plan_reading(before: _Version, todo: Set[str]) -> _Reading:
-    """Return how a film is read with more repairs, as what was measured before them says.
+    """Return how to read a film with more repairs; settings come from what was measured before.
 
     todo: the repairs, of `REPAIRED_BY`.
     """
@@ -357,10 +357,10 @@ def _plan_reading(before: _Version, todo: Set[str]) -> _Reading:
 
 
 def has_smaller_fault(repair: str, before: Quality, after: Quality) -> bool:
-    """Return whether a repair, of `REPAIRED_BY`, made its fault smaller."""
+    """Return whether a repair, one of `REPAIRED_BY`, made its fault smaller."""
 
     def fault(quality: Quality) -> float:
-        """Return the size of the fault that the repair is for, 0 where it is not seen."""
+        """Return the size of the fault that the repair is for; 0 if there is none."""
         sizes = {
             "deinterlace": abs(quality.field_order), "undouble": quality.doubled_pct,
             "even_light": max(quality.light_flicker_pct / FLICKER_PCT,
@@ -373,7 +373,7 @@ def has_smaller_fault(repair: str, before: Quality, after: Quality) -> bool:
 
 
 def is_better(repair: str, before: Quality, after: Quality) -> bool:
-    """Return whether a repair made its fault smaller, and the animals stand out nearly as before.
+    """Return whether a repair made its fault smaller and kept the animals' contrast.
 
     repair: of `REPAIRED_BY`; before, after: quality of the same frames without and with it.
     """
@@ -383,7 +383,7 @@ def is_better(repair: str, before: Quality, after: Quality) -> bool:
 
 
 def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -> set[str]:
-    """Return the names of the repairs to make: those needed, and those that parameters ask for.
+    """Return the names of the repairs that a film needs or the parameters demand.
 
     They are keys of `REPAIRED_BY`. smaller_side_px: of the picture; it limits the shake that can be
     repaired.
@@ -412,7 +412,7 @@ def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -
 def _drop_repeats(
     frames: NumberedFrames, repeated: RepeatedFrames, rate_hz: float
 ) -> NumberedFrames:
-    """Yield time and frame of those frames that do not repeat the one before.
+    """Yield time and frame of the frames that show a new picture.
 
     The k-th picture of the film, from 0, is shown at k / rate_hz seconds. Frames beyond those of
     `repeated` are left out.
@@ -425,7 +425,7 @@ def _drop_repeats(
 
 
 def _read_footage(p: FootageSettings, footage: Footage, reading: _Reading) -> ClipSource:
-    """Return a film whose frames are read as `reading` says: without repeats, and corrected."""
+    """Return a film whose frames are read with repairs: without repeats, and corrected."""
     source = open_footage_source(p, replace(footage, fields=reading.fields))
     facts, streams, repeated = source.facts, source.streams, reading.repeats
     if repeated is not None:
@@ -450,7 +450,7 @@ def _simplest_fraction(rate: float, frames: int) -> Fraction:
 
 
 def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:
-    """Measure a clip's light, camera and coding; write and return its quality and empty tank."""
+    """Measure a clip's light, camera and coding; write the table; return quality and empty tank."""
     # More threads would decode frames that are not read.
     read = partial(read_chosen_frames, folder / CLIP_NAME, threads=1)
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)

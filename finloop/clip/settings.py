@@ -1,4 +1,4 @@
-"""Parameters of `clip`: where the film comes from; one variant a source."""
+"""Parameters of `clip`: which film is read; one class for each kind of source."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -69,7 +69,7 @@ class FootageSettings:
     }  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Refuse an empty range of time, and an arena that is no shape."""
+        """Raise ValueError for an empty range of time or an invalid arena."""
         problems = []
         if self.end_s is not None and self.end_s <= self.start_s:
             problems.append(f"end_s {self.end_s:g} is not after start_s {self.start_s:g}")
@@ -91,7 +91,7 @@ class FootageSettings:
 
     @property
     def film(self) -> Path:
-        """Return the path of the film; ValueError if there are several."""
+        """Return the path of the only film; ValueError if there are several."""
         if not isinstance(self.path, str):
             raise ValueError(f"several films: {self.path}")
         return Path(self.path).expanduser()

@@ -1,4 +1,4 @@
-"""The shake of the camera: the shift of a frame against the empty tank, in pixels.
+"""Measure and undo the shake of the camera: each frame's shift against the empty tank, in pixels.
 
 A shift is (right, down): the tank at p appears in the frame at p + shift. It is the shift that
 makes the frame most like the tank at many marks, places where the tank has edges: least squares
@@ -31,7 +31,7 @@ _BEST = 0.33  # share of the tiles, those with most edges, that must not decide 
 
 
 class Landmarks(NamedTuple):
-    """Pixels of the empty tank at steep edges (marks), by which a frame's shift is measured.
+    """Pixels at steep edges of the empty tank, by which the shift of a frame is measured.
 
     Pixels are those of the reduced picture, each of `reduction` × `reduction` pixels of the film.
     """
@@ -50,7 +50,7 @@ class Landmarks(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """How far the camera has moved: the empty tank lies x px more to the right and y px lower."""
+    """The camera's shift in one frame: the tank appears x px farther right and y px lower."""
 
     x: float
     y: float
@@ -58,7 +58,7 @@ class Shift(NamedTuple):
 
 
 class _Fit(NamedTuple):
-    """How well a frame's grey levels fit those of the tank, after a shift that is a guess."""
+    """How well a frame, shifted back by a guess, fits the grey levels of the empty tank."""
 
     # (4,) gain × (guess − shift) to the right and down, the gain of the light, and an added level
     coefficients: Floats
@@ -77,7 +77,7 @@ def to_grey(picture: Picture) -> Picture:
 
 
 def _smooth_grey(picture: Picture) -> tuple[Picture, int]:
-    """Return a picture (h, w[, 3]) grey, reduced and smoothed, so that noise makes no edges.
+    """Return a picture (h, w[, 3]) as grey, reduced and smoothed; and by what factor it is reduced.
 
     The second result is the reduction: the largest whole number that leaves both sides `_ENOUGH`.
     """
@@ -124,7 +124,7 @@ def find_landmarks(tank: Picture) -> Landmarks:
 
 
 def _trust_marks(tile: Ints, steepness: Floats) -> Floats:
-    """Return weights (marks,): below 1 in a tile that has more edges than the median one.
+    """Return weights (marks,) of landmarks: below 1 in a tile with unusually many edges.
 
     An animal may stay there. tile, steepness (marks,): each mark's tile and slope.
     """
@@ -174,14 +174,14 @@ def _fit_robustly(design: Floats, level: Floats, trust: Floats, weight: Floats) 
 
 
 def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
-    """Return the shift (2,) [px] from which the search begins: the best of three guesses.
+    """Return the best of three guesses of a frame's shift (2,) [px], to begin the search with.
 
     The guesses are no shift, the shift of the frame before, and a phase correlation. picture: the
     frame, grey and smoothed.
     """
 
     def misfit(place: Floats) -> float:
-        """Return how much the frame differs from the tank after a shift, in grey levels."""
+        """Return how much the frame, shifted back by (2,) px, differs from the tank, in grey."""
         value = _sample_marks(picture, tank, place)
         light = float(np.median(value)) / max(1.0, float(np.median(tank.level)))
         return float(np.median(np.abs(value - light * tank.level)))
@@ -199,7 +199,7 @@ def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
 
 
 def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats:
-    """Return the grey levels of a frame at the landmarks, if it is shifted by (2,) px.
+    """Return the grey levels (marks,) of a frame at the landmarks, which are shifted by (2,) px.
 
     tank: its landmarks; interpolation is bilinear.
     """
@@ -214,7 +214,7 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
 
 
 def _judge_shift(shift_px: Floats, fit: _Fit, tank: Landmarks) -> Shift:
-    """Return a shift with its `apart`; `UNKNOWN` if too few tiles of the picture support it.
+    """Return the fitted shift with its `apart`; `UNKNOWN` if too few tiles support it.
 
     `apart` is the median distance [px] of the tiles' own shifts from the whole picture's, to the
     right or down, whichever is larger. shift_px: (2,), in the reduced picture; fit: of the frame
@@ -239,7 +239,7 @@ def _judge_shift(shift_px: Floats, fit: _Fit, tank: Landmarks) -> Shift:
 
 
 def undo_shift(frame: Picture, shift: Shift, gains: Floats | None = None) -> Picture:
-    """Return a frame (h, w[, 3]) moved back by the camera's shift; new pixels repeat the border.
+    """Return a frame (h, w[, 3]) moved back by the camera's shift; border pixels are repeated.
 
     gains: (1,) or (3,) by which each channel is divided, too; None or NaN: by nothing. All pixels
     are moved by the same part of a pixel, so two filters, one for the rows and one for the columns,
@@ -268,7 +268,7 @@ def _filter_rows_and_columns(
     levels: Picture, top: int, down: np.ndarray, right: np.ndarray, channels: int,
     factors: np.ndarray, moved: Picture,
 ) -> None:  # fmt: skip
-    """Write sums of 8 × 8 neighbouring levels times their weights to `moved`, rounded and clipped.
+    """Write weighted sums of 8 × 8 neighbouring levels to `moved`, rounded and clipped.
 
     levels (h, (w + 7) · channels), moved (h, w · channels): uint8, the channels of a pixel side by
     side. The levels of a row are those of the rows top … top + 7 below it, weighed by `down`, and
@@ -299,7 +299,7 @@ def _filter_rows_and_columns(
 
 @finite_kernel
 def _weigh_rows(sums: np.ndarray, weights: np.ndarray, rows: tuple[np.ndarray, ...]) -> None:
-    """Write to sums (n,) the sums of eight rows, of n levels or more, times the weights (8,).
+    """Write to sums (n,) the weighted sum of eight rows of n levels or more; weights (8,).
 
     They are written out, because a loop over them takes twice as long.
     """

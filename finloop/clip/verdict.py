@@ -33,7 +33,7 @@ def list_findings(
     quality: Quality, filmed: Quality | None = None, mended: Collection[str] = (),
     refused: Collection[str] = (),
 ) -> list[Finding]:  # fmt: skip
-    """Return the findings on light, camera, pictures, exposure, contrast and coding of a clip.
+    """Return the verdict on a clip: findings on light, camera, pictures, contrast and coding.
 
     filmed: quality of the film before its repair; mended: the names of the repairs; refused: those
     that made the film no better. The finding on a repaired fault also says what was measured
@@ -57,7 +57,7 @@ def list_findings(
 
 
 def _judge_all(quality: Quality) -> Iterator[Finding]:
-    """Yield all findings on a film of this quality."""
+    """Yield the findings on a film of this quality, on every subject."""
     yield from _judge_light(quality)
     yield _judge_shake(quality)
     yield from _judge_pictures(quality)
@@ -144,7 +144,7 @@ def _judge_pictures(quality: Quality) -> Iterator[Finding]:
 
 
 def _judge_exposure(quality: Quality) -> Iterator[Finding]:
-    """Yield the findings on animals that are plain black or plain white."""
+    """Yield the findings on animals that are overexposed or underexposed."""
     for word, share, remedy in (
         ("black", quality.animal_black_pct, "more light or a longer exposure"),
         ("white", quality.animal_white_pct, "less light or a shorter exposure"),

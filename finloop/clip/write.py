@@ -83,7 +83,7 @@ def open_clip_source(p: ClipSettings) -> ClipSource:
 
 
 def open_footage_source(p: FootageSettings, footage: Footage) -> ClipSource:
-    """Return the clip of a film that was inspected already; its frames are read later."""
+    """Return the clip of one inspected film, not yet written; its frames are read later."""
     return replace(_join_films(p, [footage]), footage=footage)
 
 
@@ -120,7 +120,7 @@ def write_clip(
 
 
 def _open_carp(p: CarpSettings) -> ClipSource:
-    """Prepare a film of drawn carp; its frames are drawn when they are read.
+    """Prepare a film of drawn carp; each frame is drawn when it is read.
 
     FinloopError if the carp have no room.
     """
@@ -148,7 +148,7 @@ def _open_carp(p: CarpSettings) -> ClipSource:
 
 
 def _join_films(p: ZebrafishSettings | FootageSettings, films: list[Footage]) -> ClipSource:
-    """Return one clip of several films; their frames are decoded when they are read."""
+    """Return one clip of several films in a row; their frames are decoded when they are read."""
     lengths = [f.frames_in_source for f in films]
     facts = replace(
         films[0].clip_facts(p.source, p.crf),

@@ -1,4 +1,4 @@
-"""A gait cycle at few control points (curve paper Fig. 14): only their coefficients move.
+"""Solve a gait cycle at few control points (curve paper Fig. 14), which alone move.
 
 The model moves every coefficient by itself (Eq. 3.16), so few control points, solved alone, make
 the curves that all coefficients make without their details.
@@ -21,7 +21,7 @@ from finloop.gait.model import (
 def few_point_contours(
     keys: Keys, gait: Gait, phases: Points, layout: HalfCycleLayout, control: int
 ) -> dict[str, Points]:
-    """Return closed contours (frames, n, 2), by id, of a cycle solved at few control points.
+    """Return closed contours (frames, n, 2), by id, of a gait cycle solved at few control points.
 
     keys: two key frames, or four without symmetry; phases (frames,): of the gait cycle; layout:
     where the second half of the cycle is placed; control: number of control points of each contour,

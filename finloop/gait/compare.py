@@ -1,4 +1,4 @@
-"""How much γ lowers the error: six clocks on frames held out of the fit (curve paper §4.2).
+"""Measure how much γ lowers the error: six clocks on frames held out of the fit (§4.2).
 
 A clock says how much of the first key frame is left at each moment between two key frames. The
 clocks, each for a contour and subcycle: "linear", γ = 0; "limb", "scale", "coefficient" and
@@ -40,7 +40,7 @@ _WHOLE = -1  # in the column scale: all scales together
 
 @dataclass(frozen=True)
 class ClockComparison:
-    """How well the six CLOCKS predict the contours of frames held out of the fit."""
+    """The errors of six CLOCKS in predicting contours of frames that were held out of the fit."""
 
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
     by_contour: pd.DataFrame  # columns contour, subcycle, frames, and rms_<clock>
@@ -53,7 +53,7 @@ class ClockComparison:
 
 
 def describe_doubtful_fit(film: GaitContours, rms: float) -> str:
-    """Return a sentence if a fit explains less than half of the motion, as a variance, else "".
+    """Return a warning if a fit explains less than half of the motion's variance, else "".
 
     rms: error of the fit on held-out frames, body lengths.
     """
@@ -72,7 +72,7 @@ def describe_doubtful_fit(film: GaitContours, rms: float) -> str:
 
 
 def choose_held_out_frames(film: GaitContours) -> list[Mask]:
-    """Return a mask (frames,) for each fit: which frames of a film are held out of it.
+    """Return for each fit a mask (frames,) of the frames that are held out of it.
 
     In a film of two gait cycles or more that is one cycle for each fit, and an incomplete last one.
     In a shorter film it is every other frame: the even ones in one fit, the odd ones in another.
@@ -91,7 +91,7 @@ def choose_held_out_frames(film: GaitContours) -> list[Mask]:
 def compare_clocks(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Return the errors of a gait on frames that it was not fitted to, by each of six CLOCKS.
+    """Return the errors of each of six CLOCKS on frames that it was not fitted to.
 
     A clock says how much of the first key frame is left at each moment between two key frames.
     Errors are RMS distances of contours, in body lengths.
@@ -119,7 +119,7 @@ def compare_clocks(
 
 
 def _sum_held_out_errors(film: GaitContours, split: float, descriptor: Descriptor) -> pd.DataFrame:
-    """Return the rows of `_held_out_errors`, squared errors and `frames` summed over all fits.
+    """Return squared errors and frame counts of all fits, summed, as rows of `_held_out_errors`.
 
     Fits that fail are skipped; if all fail, the last FinloopError is raised.
     """
@@ -138,7 +138,7 @@ def _sum_held_out_errors(film: GaitContours, split: float, descriptor: Descripto
 def _held_out_errors(
     film: GaitContours, mask: Mask, split: float, descriptor: Descriptor
 ) -> list[dict[str, Any]]:
-    """Return a table row for each contour, subcycle and scale: the clocks' squared errors.
+    """Return a row for each contour, subcycle and scale with the squared error of each clock.
 
     mask (frames,): frames held out; the clocks are fitted to all others. split: phase of key frame
     2, in cycles; descriptor: how contours become coefficients. A row has the columns of _KEYS, the
@@ -175,13 +175,13 @@ def _held_out_errors(
 
 
 def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
-    """Return a film's contours and phases in the frames of a mask (frames,) only."""
+    """Return a film's contours and phases in only the frames of a mask (frames,)."""
     contours = {name: points[mask] for name, points in film.contours.items()}
     return replace(film, phase=film.phase[mask], contours=contours)
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Return the weights (s,) of the first key frame at tau (s,) that fit `model.samples` best.
+    """Return the weight of the first key frame at times tau, (s,), that fits the samples best.
 
     tau: shares 0-1 of the subcycle's time. The weight may fall from 1 to 0 in any way (isotonic
     regression); it falls evenly in a subcycle without motion or samples.
@@ -240,7 +240,7 @@ def _errors_by_scale(
 def find_turning_coordinates(
     subcycles: Mapping[SubcycleKey, Subcycle], body_length: float
 ) -> pd.DataFrame:
-    """Return the coordinates that turn back between two keys: no γ from −1 to 1 fits them.
+    """Return a table of coordinates that overshoot a key frame: no γ from −1 to 1 fits them.
 
     f(τ) of the model falls all the way only if |γ| ≤ 1. The γ that fits these coordinates best lies
     beyond, so that they pass a key frame visibly, by LEAST_ERROR or more, and return to it.

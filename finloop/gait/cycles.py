@@ -1,4 +1,4 @@
-"""From contours and their period to the cycle of a gait: the phase of every frame.
+"""Find the phase of every frame in the cycle of a gait, from contours and their period.
 
 Phase 0 is key 1 (curve paper, Fig. 9). In a walker from the side, the right fore and left hind
 limbs are foremost then, the others hindmost. In a fish, the tail is farthest to the left.
@@ -35,7 +35,7 @@ SHIFTS = 240  # of the phase in a cycle without symmetry, among which key 1 is s
 
 
 def swimmer_gait_contours(swim: TrackContours) -> GaitContours:
-    """Return a fish's outlines in the frames with a steady tail beat, and their phases in the beat.
+    """Return a fish's outlines and phases in the frames in which it beats its tail steadily.
 
     swim: the contours of one track, in body lengths. FinloopError if no motion repeats.
     """
@@ -52,7 +52,7 @@ def walker_gait_contours(
     symmetry: Symmetry = "swap",
     cycle_frames: float | None = None,
 ) -> tuple[GaitContours, Period, Limbs]:
-    """Return a walker's contours and phases in frames with a steady gait, its period, its limbs.
+    """Return a walker's contours and phases in steady frames, its period, and its limbs.
 
     frames: contours by id for each frame, in px, None where missing; n: points of a contour; split:
     phase of key frame 2, in cycles; first: number of the first frame, for messages; symmetry:
@@ -95,7 +95,7 @@ def walker_gait_contours(
 
 
 def _find_limb_period(limbs: Limbs, frame_rate_hz: float) -> Period:
-    """Return the limbs' common period, phase 0 at key frame 1; FinloopError if nothing repeats."""
+    """Return the limbs' common period, phase 0 at key frame 1; FinloopError if there is none."""
     points = limbs.points
     coordinates = [limb.reshape(len(limb), -1) for limb in points.values()]
     signal = fill_gaps(np.concatenate(coordinates, axis=1))
@@ -132,7 +132,7 @@ def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
 
 
 def align_phase(phase: Floats, foot_x: Floats, split: float, stretches: bool = True) -> Floats:
-    """Return the phase (frames,), shifted and stretched so that feet turn round at key frames.
+    """Return phases (frames,), shifted and stretched so that feet turn back at the key frames.
 
     phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
     The shift, at most about REACH cycles, and the stretch about the middle are those with which
@@ -146,7 +146,7 @@ def align_phase(phase: Floats, foot_x: Floats, split: float, stretches: bool = T
     middle = float(fitted_phase.mean())
 
     def squared_error(change: Floats) -> float:
-        """Return the error of the fit after a shift, and maybe a stretch, of the phase."""
+        """Return the squared error after a change of the phase: shift, or shift and stretch."""
         shift, stretch = (*change, 0.0)[:2]
         changed = fitted_phase - shift + stretch * (fitted_phase - middle)
         return _parabola_fit_error(changed, centred_x, split)
@@ -171,7 +171,7 @@ def align_phase(phase: Floats, foot_x: Floats, split: float, stretches: bool = T
 
 
 def align_phase_without_symmetry(phase: Floats, foot_x: Floats, split: float) -> Floats:
-    """Return the phase (frames,), shifted so that straight lines joined at the keys fit feet best.
+    """Return phases (frames,), shifted so that feet move straight from key frame to key frame.
 
     phase: in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key frame 2.
     Each foot is fitted to the frames that show it. Key 1 is the key at which the feet are farthest
@@ -195,7 +195,7 @@ def align_phase_without_symmetry(phase: Floats, foot_x: Floats, split: float) ->
 
 
 def _line_terms(phase: Floats, split: float) -> Floats:
-    """Return the weights (frames, 4) of four key frames in straight lines between them."""
+    """Return each phase's weights (frames, 4) of four key frames, with linear interpolation."""
     subcycle, tau = locate_in_subcycle(phase, split)
     terms, row = np.zeros((len(phase), 4)), np.arange(len(phase))
     terms[row, subcycle] = 1 - tau

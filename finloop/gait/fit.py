@@ -1,4 +1,4 @@
-"""A gait from the contours of a film: its key frames and γ (curve paper §4.2, Figs. 9 to 11).
+"""Fit a gait to the contours of a film: its key frames and γ (curve paper §4.2, Figs. 9–11).
 
 The contours are sorted into the cycle of the gait. By symmetry every frame counts in the first half
 of the cycle: frames of C and D are the partner's frames of A and B. Without symmetry every frame
@@ -58,7 +58,7 @@ A γ is the bend of a course divided by its length; of a coordinate that hardly 
 
 @dataclass(frozen=True)
 class GaitContours:
-    """Outlines of an animal, relative to its body, with the phase of its gait in every frame."""
+    """Contours of an animal in every frame, relative to its body, with the phase of its gait."""
 
     # closed, (frames, n, 2) by id, n a power of two; NaN in frames without the contour. With
     # symmetry "mirror" they begin at the snout
@@ -71,26 +71,26 @@ class GaitContours:
 
     @property
     def layout(self) -> HalfCycleLayout:
-        """Where the second half of the cycle is placed."""
+        """Return where contours lie in the second half of the cycle, compared with the first."""
         return HalfCycleLayout(offsets=self.offsets)
 
     def contours_half_cycle_later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
-        """Return the contours, by id, that the animal has half a cycle later, by its symmetry."""
+        """Return the contours, by id, that follow half a cycle later from the symmetry."""
         return contours_half_cycle_later(contours, self.symmetry, self.layout)
 
     def exchange_second_half(self, contours: Mapping[str, Points]) -> dict[str, Points]:
-        """Return the contours, by id, with symmetric images in the second half of each cycle."""
+        """Return contours by id, those in the second half of a cycle replaced by symmetric ones."""
         return exchange_second_half(contours, self.phase, self.symmetry, self.layout)
 
     def locate_in_subcycle(self, split: float) -> tuple[Ints, Points]:
-        """Return the number of each frame's subcycle, and which share of it (0-1) is over.
+        """Return each frame's subcycle number, and the share of the subcycle that is over.
 
         C counts as A, and D as B, if the film has a symmetry. split: phase of key 2, in cycles.
         """
         return locate_with_symmetry(self.phase, self.symmetry, split)
 
     def add_hidden_limbs(self) -> "GaitContours":
-        """Return the film with a contour of NaN for each limb that is hidden in all frames.
+        """Return the film with a contour of NaN for each limb that no frame shows.
 
         That is a left limb whose right partner is shown, or the other way round; later it follows
         from the partner by symmetry. Films of other symmetries than "swap" are returned unchanged.
@@ -106,12 +106,12 @@ class GaitContours:
 
     @property
     def cycles(self) -> float:
-        """Number of gait cycles that the film shows: frames times the median step of phase."""
+        """Return how many gait cycles the film shows: frames times the median step of phase."""
         return float(len(self.phase) * np.median(np.diff(self.phase)))
 
 
 def check_phases(film: GaitContours) -> None:
-    """Raise FinloopError if the film shows too little of a cycle, or its phase does not rise.
+    """Raise FinloopError if the film shows too little of a gait cycle, or its phase does not rise.
 
     Half a cycle is needed, or a whole one without symmetry.
     """
@@ -133,7 +133,7 @@ def check_phases(film: GaitContours) -> None:
 
 
 def partner_offsets(film: GaitContours) -> dict[str, Points]:
-    """Return how far right and down of its left-right partner each limb hangs: (2,) by id.
+    """Return, by id, how far right and down (2,) of its left-right partner each limb lies.
 
     The unit is that of the contours. It is the mean difference between a limb and its partner half
     a cycle later, when both are at the same point of their motion. (0, 0) if the film is shorter
@@ -160,7 +160,7 @@ def partner_offsets(film: GaitContours) -> dict[str, Points]:
 
 
 def interpolate_key_frames(film: GaitContours, split: float) -> list[dict[str, Points]]:
-    """Return the gait's key frames 1 and 2, interpolated from the frames nearest in phase.
+    """Return the key frames 1 and 2 of a gait, interpolated from the frames nearest in phase.
 
     Without symmetry 1' and 2' come after them. split: phase of key 2, in cycles. All cycles count,
     and by symmetry both halves. FinloopError if a contour is missing in every frame near a key; the
@@ -209,7 +209,7 @@ def _interpolate_key(film: GaitContours, key_phase: float) -> dict[str, Points]:
 
 
 def _weights_near_key(offset: Points, shown: Mask, step: float) -> Points:
-    """Return the weights (frames,) with which frames make a key; their sum is 1, or 0.
+    """Return the weights (frames,) of the frames that make up a key frame; their sum is 1 or 0.
 
     Frames within a width count, from 1 at the key linearly to 0. They give the key as the straight
     line through them that fits best. The width is a frame's step or, if that does not reach frames
@@ -237,7 +237,7 @@ def _weights_near_key(offset: Points, shown: Mask, step: float) -> Points:
 
 @dataclass(frozen=True)
 class SubcycleFrames:
-    """The s frames of a film that show one contour in one subcycle, between two key frames.
+    """The s frames that show one contour in one subcycle, between two key frames.
 
     tau (s,): shares 0-1 of the subcycle; coefficients (s, n, 2): of the contour.
     """
@@ -249,7 +249,7 @@ class SubcycleFrames:
 def sort_into_subcycles(
     film: GaitContours, split: float, descriptor: Descriptor
 ) -> dict[SubcycleKey, SubcycleFrames]:
-    """Return a film's frames, sorted by contour and by subcycle.
+    """Return a film's frames as wavelet coefficients, by contour and subcycle.
 
     By symmetry, frames in C and D count in A and B with the symmetric pose. split: phase of key 2,
     in cycles; descriptor: how contours become coefficients.
@@ -267,7 +267,7 @@ def sort_into_subcycles(
 
 @dataclass(frozen=True)
 class Subcycle:
-    """A contour between two key frames: wavelet coefficients of the keys and of film frames."""
+    """A contour's wavelet coefficients in two key frames, and in the film frames between them."""
 
     samples: SubcycleFrames  # the film's frames in the subcycle
     # start, end: the key frames at both ends, (n, 2)
@@ -276,12 +276,12 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def gamma_fraction(self) -> tuple[Points, Points]:
-        """Return numerators and denominators (n, 2) of γ for each coordinate of a coefficient."""
+        """Return numerators and denominators (n, 2) of the γ of each coefficient's x and y."""
         samples = self.samples
         return gamma_fraction(samples.tau, samples.coefficients, self.start, self.end)
 
     def fit_gammas(self, sharing: Sharing, least_motion: float) -> Points:
-        """Return the fitted gait parameters γ of whatever has one by `sharing`.
+        """Return the fitted gait parameters γ of the limb, its scales, or finer parts.
 
         That is (1,) for the limb, (m,) for its m scales from coarse to fine, (n, 1) for its
         coefficients, or (n, 2) for their x and y. least_motion: what moves no more than this (RMS
@@ -303,7 +303,7 @@ class Subcycle:
         return gammas
 
     def motion_shares(self, sharing: Sharing) -> Points:
-        """Return how far whatever has a γ moves between the keys, as a share of the contour's way.
+        """Return the share of the contour's motion between the keys (RMS) that belongs to each γ.
 
         The result has the shape of `fit_gammas`. Its squares add up to 1, or to 0 at rest.
         """
@@ -312,7 +312,7 @@ class Subcycle:
         return np.asarray(np.sqrt(self._sum_sharers(squares, sharing) / total))
 
     def _sum_sharers(self, parts: Points, sharing: Sharing) -> Points:
-        """Return the sums of parts (n, 2), one per coordinate, over those that share a γ.
+        """Return the sums of values (n, 2), one a coordinate, over the coordinates of each γ.
 
         The result has the shape of `fit_gammas`.
         """
@@ -325,7 +325,7 @@ class Subcycle:
         return np.add.reduceat(sums[:, 0], starts)
 
     def predict(self, tau: Points, gamma: Points) -> Points:
-        """Return the wavelet coefficients (s, n, 2) that γ predicts at tau (s,).
+        """Return the wavelet coefficients (s, n, 2) that γ predicts at times tau (s,).
 
         tau: shares 0-1 of the subcycle's time; gamma: of each coefficient, (n, 1), of each of its
         coordinates, (n, 2), or of all, (1,).
@@ -333,7 +333,7 @@ class Subcycle:
         return self.end + start_share(tau[:, None, None], gamma) * (self.start - self.end)
 
     def smooth(self, tau: Points) -> Points:
-        """Return the wavelet coefficients (s, n, 2) at tau (s,) of cubics that fit the frames best.
+        """Return wavelet coefficients (s, n, 2) at tau (s,), from cubics fitted to the frames.
 
         The cubics go through both key frames. tau: shares 0-1 of the subcycle's time.
         """
@@ -348,7 +348,7 @@ class Subcycle:
 
 
 def _evaluate_two_cubics(tau: Points) -> Points:
-    """Return the values (s, 2), at tau (s,), of two cubics that are 0 at τ = 0 and 1."""
+    """Return the values (s, 2) at tau (s,) of two cubics that are 0 at tau 0 and 1."""
     bow = tau * (1 - tau)
     return np.column_stack([bow, bow * (1 - 2 * tau)])
 
@@ -356,7 +356,7 @@ def _evaluate_two_cubics(tau: Points) -> Points:
 def build_subcycles(
     film: GaitContours, keys: Keys, split: float, descriptor: Descriptor
 ) -> dict[SubcycleKey, Subcycle]:
-    """Return the subcycles of each contour of a film, between its key frames.
+    """Return the subcycles of each contour of a film, by contour and letter.
 
     keys: two key frames, or four without symmetry; split: phase of key 2, in cycles; descriptor:
     how contours become coefficients.
@@ -371,7 +371,7 @@ def _join_keys_and_samples(
     samples: Mapping[SubcycleKey, SubcycleFrames],
     descriptor: Descriptor,
 ) -> dict[SubcycleKey, Subcycle]:
-    """Return the subcycles of each contour: its frames (`samples`) between its key frames."""
+    """Return the subcycles of each contour, made of its key frames and its film frames."""
     four_keys = four_key_frames(keys, film.symmetry, film.layout)
     letters = LETTERS[film.symmetry]
     subcycles = {}
@@ -391,7 +391,7 @@ def _nest_tuples(values: Points) -> tuple[Any, ...]:
 def fit_key_frames(
     film: GaitContours, split: float, descriptor: Descriptor
 ) -> tuple[list[dict[str, Points]], dict[SubcycleKey, Subcycle]]:
-    """Return a film's key frames, and the subcycles between them.
+    """Return a film's key frames, corrected for curved motion, and the subcycles between them.
 
     Linear interpolation of the keys (`interpolate_key_frames`) flattens the curved motion between
     film frames. A smooth model of the film, a cubic for each coefficient of each subcycle, shows by
@@ -417,7 +417,7 @@ def fit_key_frames(
 
 
 def _refuse_few_frames(samples: Mapping[SubcycleKey, SubcycleFrames]) -> None:
-    """Raise FinloopError if fewer than LEAST frames between two keys show a contour."""
+    """Raise FinloopError if fewer than LEAST frames show a contour between two key frames."""
     few = [
         f"{name!r} in {letter}"
         for (name, letter), frames in samples.items()
@@ -437,7 +437,7 @@ def _fit_smooth_contours(
     split: float,
     descriptor: Descriptor,
 ) -> dict[str, Points]:
-    """Return the film's contours smoothed in time, each coefficient a cubic between the key frames.
+    """Return a film's contours smoothed in time by one cubic for each coefficient and subcycle.
 
     The cubics go through the key frames. NaN stays NaN. split: phase of key 2, in cycles;
     descriptor: how contours become coefficients.
@@ -515,14 +515,14 @@ def fit_gait(
 
 
 def _has_foot(name: str) -> bool:
-    """Return whether a contour is a limb with a foot: its id names a side."""
+    """Return whether a contour is a limb with a foot: its id contains a side."""
     return "left" in name or "right" in name
 
 
 def _ground_contact_of_walk(
     film: GaitContours, keys: Keys, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return when each foot is on the ground: by id, one span (from, to) of phase, in cycles.
+    """Return a walk's ground contact: by foot, one span (from, to) of phase, in cycles.
 
     In a walk a foot is down from its foremost to its hindmost place; the animal heads for screen
     right. A foot is the point of a limb that is lowest on average.
@@ -539,7 +539,7 @@ def _ground_contact_of_walk(
 
 
 def _ground_contact_in_film(film: GaitContours) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return when each foot is on the ground: by id, one span (from, to) of phase, in cycles.
+    """Return the ground contact seen in film: by foot, one span (from, to) of phase, in cycles.
 
     A lifted foot may move back, too, as in a gallop. So a foot is down in a frame if it moves back,
     the animal heading for screen right, and is no higher above the ground than a share LOW of the
@@ -570,7 +570,7 @@ def _ground_contact_in_film(film: GaitContours) -> dict[str, tuple[tuple[float, 
 
 
 def _longest_run(mask: Mask) -> tuple[int, int]:
-    """Return where the longest run of a mask (frames,) that repeats begins, and its length.
+    """Return start and length of the longest run of True in a periodic mask (frames,).
 
     The mask is neither true nor false everywhere.
     """

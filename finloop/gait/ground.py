@@ -1,4 +1,4 @@
-"""Feet on the ground: between key frames drawn by hand, feet slide and sink a little.
+"""Keep feet on the ground: between key frames drawn by hand they slide and sink a little.
 
 While a foot is on the ground, the body passes over it at a constant speed. In the body frame the
 foot moves straight back at that speed, the same for every foot. If a foot moves differently, its
@@ -31,7 +31,7 @@ Limbs = Mapping[str, Sequence[str]]
 
 
 class FootPath(NamedTuple):
-    """How a foot moves during one time on the ground.
+    """How a foot moves while it is on the ground once.
 
     frames (k,): numbers of the frames; displacement (k,): of the foot in x, drawing units.
     """
@@ -55,7 +55,7 @@ class Ground(NamedTuple):
 
 
 def support_frames(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
-    """Return the numbers of the frames in which a foot is on the ground: an array for each span.
+    """Return the numbers of the frames in which a foot is on the ground, an array for each span.
 
     spans: of phase, (from, to) in cycles, both ends included; frames: how many a cycle has. Numbers
     from `frames` on belong to the next cycle. A span in which no frame lies gives no array.
@@ -84,7 +84,7 @@ def measure_ground(
 def plant_feet(
     contours: Mapping[str, Points], support: Support, limbs: Limbs | None = None
 ) -> dict[str, Points]:
-    """Return contours, sheared limb by limb so that no foot slides on the ground or is below it.
+    """Return contours, each limb sheared so that its foot neither slides nor sinks into the ground.
 
     contours: (frames, n, 2) of one cycle by id; support: spans of phase on the ground by limb;
     limbs: the contours of each limb, which are sheared as one; without it, each is a limb. While a
@@ -109,7 +109,7 @@ def _collect_limbs(contours: Mapping[str, Points], limbs: Limbs | None) -> dict[
 
 
 def foot_displacement(*contours: Points) -> Points:
-    """Return how far the foot of a limb has moved in x since frame 0: (frames,).
+    """Return how far (frames,) a limb's foot has moved in x since frame 0.
 
     contours: of the limb, (frames, n, 2) each.
     """
@@ -119,7 +119,7 @@ def foot_displacement(*contours: Points) -> Points:
 
 
 def _foot_shift(contours: Sequence[Points], next_contours: Sequence[Points]) -> float:
-    """Return how far a foot moves in x, at its place of contact, between two frames.
+    """Return how far in x a limb's foot moves between two frames, where it touches the ground.
 
     The contours (n, 2) are those of a limb, y down. A rigid motion (x, y, turn about the place of
     contact) is fitted to the points' motion across the contours; along them they slide without the
@@ -143,7 +143,7 @@ def _foot_shift(contours: Sequence[Points], next_contours: Sequence[Points]) -> 
 
 
 def _foot_paths(limbs: Mapping[str, list[Points]], support: Support) -> Paths:
-    """Return, by id of the limb, a foot's path in each of its times on the ground.
+    """Return, by limb, the path of its foot during each time on the ground.
 
     Limbs that are never on the ground are left out. limbs: contours (frames, n, 2) of one cycle by
     limb; support: spans of phase on the ground by limb.
@@ -210,7 +210,7 @@ def _shear_limb(
 
 
 def _fill_shifts(shift: Points) -> Points:
-    """Return the shifts (frames, 2) of a repeating cycle, with smooth ones in place of NaN."""
+    """Return the shifts (frames, 2) of a repeating cycle, NaN replaced by smooth values."""
     frames, known = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     filled = shift.copy()
     # After the last known frame comes the first again, a cycle later.

@@ -1,4 +1,4 @@
-"""Limbs of several contours: the contours of a group of a drawing move as one (curve paper §4.2).
+"""Move all contours of a limb together: those of one group of a drawing (curve paper §4.2).
 
 A limb is a contour or a group of contours, such as a leg, its paw and a patch. Each contour is
 blended between its own two poses. The points of a leg and of its paw then run a little differently
@@ -25,7 +25,7 @@ CUT = 0.5  # share of the distance between two points that corners may be cut by
 
 
 def find_limbs(drawing: Drawing, gait: Gait) -> dict[str, list[str]]:
-    """Return the ids of the contours of each limb, by limb, in drawing order.
+    """Return the ids of each limb's contours, in drawing order, by limb.
 
     The limb of a contour is the first that the gait names of: its id, its groups from the nearest
     outwards. Else it is its nearest group that does not hold the whole drawing, or its own id.
@@ -48,7 +48,7 @@ def find_limbs(drawing: Drawing, gait: Gait) -> dict[str, list[str]]:
 
 
 def name_partners(limbs: Limbs, names: Mapping[str, object]) -> dict[str, str]:
-    """Return new ids of contours, by id, by which contours of left and right limbs are partners.
+    """Return new ids, by old id, that show which contours of left and right limbs are partners.
 
     Contours keep ids that say so already, such as `paw_left`. Others are numbered in their limb:
     `fore_left`, `fore_left/2`. names: of all contours. FinloopError if a limb and its partner have
@@ -82,7 +82,7 @@ def join_contours(
     phases: Floats,
     split: float,
 ) -> dict[str, Points]:
-    """Return contours (frames, n, 2) by id, shifted so that the contours of a limb stay together.
+    """Return contours (frames, n, 2) by id, shifted so that each limb's contours stay together.
 
     layers: contours at phases (frames,) of a gait cycle; keys: key frames 1, 2, 1', 2', contours
     (n, 2) by id; closed: by id; split: phase of key 2. In the key frames nothing moves.
@@ -105,7 +105,7 @@ def join_contours(
 
 
 def _find_carriers(names: Sequence[str], key: Mapping[str, Points]) -> list[tuple[str, str]]:
-    """Return (contour, its carrier) for all contours of a limb but the largest.
+    """Return pairs (contour, carrier): the contour that each smaller contour of a limb follows.
 
     The carrier is the nearest of the largest contour and those listed before. key: contours (n, 2)
     by id.
@@ -132,7 +132,7 @@ def _shifts_to_carrier(
     tau: Floats,
     closed: bool,
 ) -> Points:
-    """Return how far (frames, n, 2) to shift a contour so that it keeps its place at its carrier.
+    """Return shifts (frames, n, 2) that keep a contour at the same point of its carrier.
 
     Each point of the contour has a nearest place on the carrier in both keys, and a gap from it.
     Between the keys, place and gap are interpolated, which gives the shift of each point. Averages
@@ -165,7 +165,7 @@ def _shifts_to_carrier(
 
 
 def _points_at(lines: Points, places: Floats) -> Points:
-    """Return the points (frames, m, 2) at places (frames, m) of lines (frames, n, 2)."""
+    """Return points (frames, m, 2) of polylines (frames, n, 2) at fractional vertex numbers."""
     count = lines.shape[1]
     before = np.floor(places).astype(int)
     share = (places - before)[..., None]

@@ -1,4 +1,4 @@
-"""Limb contours of film from regions traced in each frame (curve paper §4.2, "trace the contours").
+"""Make limb contours from regions traced in each frame of a film (curve paper §4.2).
 
 Regions are masks or traced contours by id in each frame. Here they become contours of n points of
 equal arc length in the body frame; point i corresponds to point i of all other frames. The paper
@@ -53,7 +53,7 @@ class Limbs:
 
 
 def region_contour(mask: Mask) -> Region:
-    """Return the outline of the largest part of a mask (h, w): closed, clockwise, in px.
+    """Return the outline [px] of the largest part of a mask (h, w), closed and clockwise.
 
     Return EMPTY if fewer than LEAST_PX pixels are set, BORDER if the region touches the border of
     the picture. A Gaussian of SMOOTH_PX smooths the mask, and the contour runs at half height. This
@@ -81,7 +81,7 @@ def region_contour(mask: Mask) -> Region:
 
 
 def check_traced_contour(curve: Curve, width: float, height: float) -> Region:
-    """Return a traced contour, or BORDER if it leaves a picture of width × height px."""
+    """Return a traced contour unchanged, or BORDER if it leaves a picture of width × height px."""
     inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
     return curve if inside else BORDER
 
@@ -93,7 +93,7 @@ def limb_contours(
     first: int = 0,
     symmetry: Symmetry = "swap",
 ) -> Limbs:
-    """Return the contours of all limbs in all frames, n points each, relative to the body, in px.
+    """Return the contours of all limbs in all frames, n points each, px relative to the body.
 
     frames: contours by id for each frame, None where missing; the id "body" gives the place of the
     body, without it the mean of the limbs does. smooth_frames: frames of a cycle, over which the
@@ -129,7 +129,7 @@ def limb_contours(
 
 
 def _mean_centres(regions: Sequence[Sequence[Region]]) -> Floats:
-    """Return the mean of several regions' mass centres in each frame, (frames, 2) px.
+    """Return the mean (frames, 2) [px] of several regions' mass centres in each frame.
 
     regions: for each id, one for each frame. Gaps in the path of a region are filled.
     """
@@ -144,7 +144,7 @@ def _mean_centres(regions: Sequence[Sequence[Region]]) -> Floats:
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:
-    """Return a limb's contours (frames, n, 2), px; point i is the same place of the limb in each.
+    """Return a limb's contours (frames, n, 2) in px; point i is the same body point in each.
 
     regions: one for each frame; NaN where a frame has no contour. Points lie at equal distances
     along a contour. Point 0 is the hip or the shoulder: the top of the limb's mean shape, turned
@@ -166,7 +166,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
 
 
 def _find_hips(contours: Complex) -> Ints:
-    """Return the number (frames,) of the point in each contour that is the top of the mean shape.
+    """Return each contour's vertex number (frames,) that is the top of the limb's mean shape.
 
     contours (frames, m): points x + iy, y down, clockwise. The mean shape lies on a contour as it
     fits best, turned and moved: with the greatest |Σ a̅ b| of centred contours a, b, by FFT. No
@@ -191,7 +191,7 @@ def _find_hips(contours: Complex) -> Ints:
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:
-    """Return a track (frames, k), smoothed by the mean over a cycle of `window` frames.
+    """Return a track (frames, k), smoothed by a moving mean over a cycle of `window` frames.
 
     Within half a window of the ends, the means continue in a straight line. The whole track becomes
     one straight line if it is shorter than two windows, or `window` is None. Its slope is then that
@@ -220,13 +220,13 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
 
 
 def _evaluate_fitted_line(time: Floats, values: Floats, wanted_time: Floats) -> Floats:
-    """Return values (w, k) at `wanted_time` (w,) on the line that fits values (m, k) at `time`."""
+    """Return values (w, k) at `wanted_time` (w,) of the line fitted to values (m, k) at `time`."""
     basis, wanted = (np.column_stack([np.ones(len(x)), x]) for x in (time, wanted_time))
     return np.asarray(wanted @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
 def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
-    """Return the median width [px] that all regions together have in a frame.
+    """Return the median over frames of the width [px] that all regions span together.
 
     regions: for each id, one for each frame. Only the frames with the most contours count.
     """
@@ -241,7 +241,7 @@ def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
 def _describe_doubtful_regions(
     regions: Mapping[str, Sequence[Region]], first: int, symmetry: Symmetry
 ) -> tuple[str, ...]:
-    """Return notes for the user on limbs without a side, and on missing or small regions.
+    """Return warnings on limbs without a side, and on missing or small regions.
 
     regions: by id, one for each frame, no `Curve` where the frame lacks it; first: number of the
     first frame; symmetry: without one, a limb needs no side.
@@ -270,7 +270,7 @@ def _describe_doubtful_regions(
 
 
 def _refuse_rare_regions(regions: Mapping[str, Sequence[Region]], first: int) -> None:
-    """Raise FinloopError if less than LEAST_SHARE of the frames show a region.
+    """Raise FinloopError if a region is shown in less than LEAST_SHARE of the frames.
 
     regions: by id, one for each frame, no `Curve` where the frame lacks it; first: number of the
     first frame. The message asks whether a similar id was meant.
@@ -296,7 +296,7 @@ def _refuse_rare_regions(regions: Mapping[str, Sequence[Region]], first: int) ->
 
 
 def _describe_gaps(regions: Sequence[Region], first: int) -> str:
-    """Return which frames have no contour, and why: "3-7: empty; 9: not there"; "" if all have one.
+    """Return in words the frames without a contour, and why: "3-7: empty"; "" if there are none.
 
     regions: of one limb, one for each frame; first: number of the first frame.
     """
@@ -308,7 +308,7 @@ def _describe_gaps(regions: Sequence[Region], first: int) -> str:
 
 
 def _format_frame_numbers(numbers: Sequence[int]) -> str:
-    """Return ascending frame numbers as text, runs of successive ones as "3-7".
+    """Return ascending frame numbers as text, with runs such as "3-7".
 
     The text names at most 8 runs, then says how many more there are.
     """

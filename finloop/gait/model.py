@@ -1,4 +1,4 @@
-"""A gait: two key frames, and how unevenly time passes, give a cycle (curve paper §4.2, Fig. 9).
+"""A gait: two key frames and γ, how unevenly time passes, make a cycle (§4.2, Fig. 9).
 
 Glossary: *phase* 0…1 of a cycle; *keys* 1, 2, 1', 2' at phases 0, s, ½, ½ + s with s the *split*;
 *subcycles* A 1→2, B 2→1', C 1'→2', D 2'→1; *tau* 0…1 evenly within one; γ bends the clock f;
@@ -68,7 +68,7 @@ def _check_power_of_two(count: int) -> int:
 
 
 def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return spans of phase (from, to) unchanged; ValueError if they overlap or one is invalid.
+    """Return spans (from, to) of phase unchanged; ValueError if one is invalid or two overlap.
 
     A span is at most one cycle long, and may end in the next cycle: to ≤ 2.
     """
@@ -83,7 +83,7 @@ def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
 
 
 def _check_coefficients(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-    """Return γ by coefficient; ValueError unless there are a power of two, all of one length."""
+    """Return γ of coefficients unchanged; ValueError unless there are 2^k rows of one length."""
     if len({len(row) for row in rows}) > 1:
         raise ValueError("one γ for some coefficients, and two, x and y, for others")
     _check_power_of_two(len(rows))
@@ -91,7 +91,7 @@ def _check_coefficients(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[floa
 
 
 def _tag_gammas(values: Any) -> str:
-    """Return what γ in a gait's record are for: "coefficients" if they are lists, else "scales"."""
+    """Return what the γ in a record belong to: "coefficients" if they are lists, else "scales"."""
     nested = isinstance(values, list | tuple) and values and isinstance(values[0], list | tuple)
     return "coefficients" if nested else "scales"
 
@@ -115,7 +115,7 @@ Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_check_spans)]
 
 @dataclass(frozen=True)
 class Gait:
-    """A gait fitted to film. It holds no contours, so it can drive any drawing."""
+    """A gait fitted to film. It holds γ but no contours, so it can drive any drawing."""
 
     name: Annotated[str, Field(min_length=1)]
     symmetry: Symmetry
@@ -144,7 +144,7 @@ class Gait:
     motion: Mapping[str, Subcycles] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless there is γ for each subcycle of LETTERS, with its `motion`."""
+        """Raise ValueError unless each subcycle of LETTERS has γ, and a `motion` for each γ."""
         letters = LETTERS.get(self.symmetry)
         for name, subcycles in self.gamma.items():
             if letters is not None and sorted(subcycles) != list(letters):
@@ -159,11 +159,11 @@ class Gait:
                     raise ValueError(f"motion.{name}.{letter} has not one number for each γ")
 
     def contour_gamma(self, name: str, letter: str) -> tuple[Any, ...]:
-        """Return γ of a contour in a subcycle: its own, else that of all contours, else 0."""
+        """Return the γ of a contour in a subcycle; else that of all contours together; else 0."""
         return tuple(self.gamma.get(name, self.gamma.get(POOLED, {})).get(letter, (0.0,)))
 
     def limb_gamma(self, name: str, letter: str) -> float:
-        """Return one γ for a contour in a subcycle: the mean of its γ, weighted by motion energy.
+        """Return the mean γ of a contour in a subcycle, weighted by the energy of motion.
 
         name, letter: the contour's id and the subcycle. The weights are squares of `motion`, so
         that the result is the whole limb's least-squares γ. Without `motion` all γ weigh the same.
@@ -179,7 +179,7 @@ class Gait:
 
 
 def gait_to_record(gait: Gait) -> dict[str, Any]:
-    """Return a gait as plain values to write as JSON, rounded to DECIMALS.
+    """Return a gait as plain values for a JSON file, rounded to DECIMALS.
 
     FinloopError if the gait is invalid, so that `gait_from_record` would reject its record.
     """
@@ -192,7 +192,7 @@ def gait_to_record(gait: Gait) -> dict[str, Any]:
 
 
 def gait_from_record(content: Any) -> Gait:
-    """Return the gait that plain values describe, from `gait_to_record` or written by hand.
+    """Return the gait that plain values of a JSON file describe.
 
     ValueError, with all problems, if the content is no gait.
     """
@@ -216,7 +216,7 @@ def _round_floats(content: Any) -> Any:
 
 
 def start_share(tau: Points, gamma: float | Points) -> Points:
-    """Return the weight of a subcycle's first key frame at tau (§4.2): f(τ) = 1 − (1 + γ)τ + γτ².
+    """Return f(τ) = 1 − (1 + γ)τ + γτ²: a subcycle's weight of the first key frame (§4.2).
 
     The second key frame has the rest. tau: shares 0-1 of the subcycle's time; gamma: the gait
     parameter γ. f falls from 1 at τ = 0 to 0 at τ = 1, evenly if γ = 0. It is monotone if |γ| ≤ 1:
@@ -228,7 +228,7 @@ def start_share(tau: Points, gamma: float | Points) -> Points:
 def gamma_fraction(
     tau: Points, frames: Points, start: Points, end: Points
 ) -> tuple[Points, Points]:
-    """Return numerators and denominators of the gait parameter γ with which coordinates fit best.
+    """Return numerators and denominators of the γ that fits each coordinate best.
 
     tau (s,): shares 0-1 of the subcycle's time; frames (s, …): coordinates at tau; start, end (…):
     coordinates of the key frames at both ends, whose shape both results have. Coordinates that
@@ -241,7 +241,7 @@ def gamma_fraction(
 
 
 def gamma_from_fractions(fractions: Iterable[tuple[Points, Points]]) -> float:
-    """Return the one gait parameter γ that fits several sets of coordinates together.
+    """Return the one γ that fits several sets of coordinates together best.
 
     fractions: numerators and denominators of each set, see `gamma_fraction`; all are summed, so
     sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
@@ -254,7 +254,7 @@ def gamma_from_fractions(fractions: Iterable[tuple[Points, Points]]) -> float:
 
 
 class Descriptor(NamedTuple):
-    """How contours become wavelet coefficients (§2.2): the wavelet, and how many the coarsest has.
+    """How contours become wavelet coefficients (§2.2): the wavelet, and the coarsest scale's size.
 
     wavelet: its name; coarse: number of coefficients of the coarsest scale, a power of two. Of an
     open contour (not closed) n counts both halves: it is mirrored, and has 2 `coarse`.
@@ -264,7 +264,7 @@ class Descriptor(NamedTuple):
     coarse: int = 4
 
     def count_levels(self, n: int, closed: bool = True) -> int:
-        """Return how many halvings reduce n points to the coarsest scale; 0 if n is not larger."""
+        """Return how many halvings take n points to the coarsest scale; 0 if n is not larger."""
         levels = count_halvings(n) - (self.coarse.bit_length() - 1)  # log₂ n − log₂ coarse
         return max(0, levels if closed else levels - 1)  # open: 2 `coarse` in the coarsest scale
 
@@ -275,7 +275,7 @@ class Descriptor(NamedTuple):
         return wavelet_transform(points, self.wavelet, levels)
 
     def contours(self, coefficients: Points, n: int, closed: bool = True) -> Points:
-        """Return the contours (…, n, 2) with given coefficients; open ones lose their mirror image.
+        """Return the contours (…, n, 2) with given coefficients: the inverse of `coefficients`.
 
         This undoes `coefficients`.
         """
@@ -283,11 +283,11 @@ class Descriptor(NamedTuple):
         return inverse_transform(coefficients, self.wavelet, levels)[..., :n, :]
 
     def scales(self, n: int, closed: bool = True) -> list[slice]:
-        """Return a slice of n coefficients for each scale, from coarse to fine."""
+        """Return the slice of each scale in n coefficients, from coarse to fine."""
         return scale_slices(n, self.count_levels(n, closed))
 
     def spread_gammas(self, gammas: ArrayLike, n: int, closed: bool = True) -> Points:
-        """Return the gait parameter γ of each of n coefficients, (n, 1), or of x and y, (n, 2).
+        """Return γ for each of n coefficients, (n, 1), or for x and y of each, (n, 2).
 
         gammas: one of all, or one per scale from coarse to fine, the last for all finer scales; or
         one per coefficient, (n, 1), or per coordinate, (n, 2), which are returned unchanged.
@@ -364,12 +364,12 @@ def opposite_limb(name: str, names: Mapping[str, object] | set[str] | list[str])
 
 
 def reversed_order(n: int, start: int = 0) -> Ints:
-    """Return the indices (n,) that reverse a closed contour and make point `start` its first."""
+    """Return the indices (n,) that reverse a closed contour, with point `start` first."""
     return (start - np.arange(n)) % n
 
 
 def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
-    """Return contours (…, n, 2) reflected in the line y = middle, with their points renumbered.
+    """Return contours (…, n, 2) reflected in the line y = middle, and renumbered.
 
     order (n,): the points' old numbers in their new order, by default `reversed_order(n)`: an
     outline then still runs clockwise from the snout.
@@ -385,7 +385,7 @@ Keys = Sequence[Mapping[str, Points]]
 
 @dataclass(frozen=True)
 class HalfCycleLayout:
-    """Where an animal's second half of a gait cycle differs in place from the first half."""
+    """How contours of the second half of a gait cycle lie, compared with their twins."""
 
     middle: float = 0.0  # mirror: y of the axis
     # mirror, by id: the points' order, see `mirror_contours`; an id and its partner share one
@@ -395,19 +395,19 @@ class HalfCycleLayout:
     offsets: Mapping[str, Points] | None = None
 
     def order(self, name: str, count: int) -> Ints:
-        """Return in which order (count,) a mirrored contour takes its twin's points.
+        """Return the point numbers (count,) of its twin, in the order of a mirrored contour.
 
         By default the order is reversed.
         """
         return (self.orders or {}).get(name, reversed_order(count))
 
     def offset(self, name: str) -> Points:
-        """Return how far (2,) right and down of its twin's place a contour lies; 0 if unknown."""
+        """Return how far (2,) right and down of its twin a contour lies; 0 if unknown."""
         return np.asarray((self.offsets or {}).get(name, np.zeros(2)))
 
 
 def check_key_count(count: int, symmetry: Symmetry) -> None:
-    """Raise FinloopError unless a gait of this symmetry has so many key frames: 2, without it 4."""
+    """Raise FinloopError unless there are 2 key frames, or 4 if the gait has no symmetry."""
     wanted = len(LETTERS.get(symmetry, "AB"))
     if count != wanted:
         raise FinloopError(
@@ -420,7 +420,7 @@ def check_key_count(count: int, symmetry: Symmetry) -> None:
 def four_key_frames(
     keys: Keys, symmetry: Symmetry, layout: HalfCycleLayout = HalfCycleLayout()
 ) -> list[dict[str, Points]]:
-    """Return key frames 1, 2, 1', 2' (Fig. 9): contours (n, 2) by id.
+    """Return key frames 1, 2, 1', 2' (Fig. 9), contours (n, 2) by id; symmetry gives 1' and 2'.
 
     keys: 1 and 2, from which the others follow by symmetry; all four if the symmetry is "none".
     Equal point numbers mean the same place of the body in all keys and, if the symmetry is "swap",
@@ -456,7 +456,7 @@ def four_key_frames(
 def contours_half_cycle_later(
     contours: Mapping[str, Points], symmetry: Symmetry, layout: HalfCycleLayout = HalfCycleLayout()
 ) -> dict[str, Points]:
-    """Return the contours (…, n, 2), by id, that an animal has half a cycle later, by symmetry.
+    """Return the contours (…, n, 2), by id, that follow half a cycle later from the symmetry.
 
     A left limb gets the contour of its right twin, and the other way round; an id without a partner
     is its own twin. symmetry, layout: "swap" moves the twin's contour by the limb's offset;
@@ -490,7 +490,7 @@ def contours_half_cycle_later(
 
 
 def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
-    """Return in which subcycle (0…3 for A…D) each phase lies, and which share of it (0-1) is over.
+    """Return the subcycle of each phase, 0…3 for A…D, and the share 0–1 of it that is over.
 
     phase: in cycles, an array of any shape, which both results have too; split: phase of key 2,
     where A ends. FinloopError unless the split is between 0 and 0.5.
@@ -508,7 +508,7 @@ def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
 
 
 def locate_with_symmetry(phase: Points, symmetry: Symmetry, split: float) -> tuple[Ints, Points]:
-    """Return the result of `locate_in_subcycle`, with C counted as A and D as B by symmetry.
+    """Return the same as `locate_in_subcycle`, but by symmetry C counts as A, and D as B.
 
     Without symmetry there are all four.
     """
@@ -556,7 +556,7 @@ def interpolate_subcycles(
     keys: Sequence[Points], gammas: Sequence[tuple[Any, ...]], subcycle: Ints, tau: Points,
     descriptor: Descriptor, closed: bool = True,
 ) -> Points:  # fmt: skip
-    """Return a contour (frames, n, 2) in the subcycles of a gait cycle.
+    """Return a contour (frames, n, 2) at given moments of a gait cycle's subcycles.
 
     keys: the contour (n, 2) in the four key frames; gammas: γ of A and B, without symmetry also of
     C and D; subcycle, tau (frames,): 0 for A, 1 for B …, and the share 0-1 of it that is over.
@@ -572,7 +572,7 @@ def interpolate_subcycles(
 def exchange_second_half(
     contours: Mapping[str, Points], phases: Points, symmetry: Symmetry, layout: HalfCycleLayout
 ) -> dict[str, Points]:
-    """Return contours (frames, n, 2), by id; in the second half of the cycle, their images.
+    """Return contours (frames, n, 2) by id, symmetric images in the second half of the cycle.
 
     The symmetric images turn frames of C and D, at the phases (frames,), into such of A and B, and
     back. So C and D are not computed anew: that would differ a little, as the descriptor depends on

@@ -1,4 +1,4 @@
-"""Outlines of a swimming fish in the frame of its body, and its tail beat (for curve paper §4.2).
+"""Find the outlines of a swimming fish in the frame of its body, and its tail beat (§4.2).
 
 The body frame moves with the fish: x ahead, y to its right (down on the screen when the fish heads
 for screen right), in body lengths. It follows place and direction, smoothed over a beat. So travel
@@ -30,7 +30,7 @@ TAIL = 1 / 16  # share of the contour on either side of the tail end that shows 
 
 @dataclass(frozen=True)
 class TrackContours:
-    """A fish's outlines (frames, n, 2), relative to its body, in body lengths, and its tail beat.
+    """A fish's outlines (frames, n, 2) in body lengths, relative to its body, and its tail beat.
 
     Point 0 is the snout, n / 2 the tail end; clockwise on screen. Phase 0 is where the tail is
     farthest to the left. Without a beat, every frame is aligned by its own pose. length_px: body
@@ -102,7 +102,7 @@ def _find_tail_beat(contours: Floats, frame_rate_hz: float) -> Period:
 
 
 def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
-    """Return all tracks' frames with a steady tail beat, joined: contours (f, n, 2), phases (f,).
+    """Return the contours (f, n, 2) and phases (f,) of all tracks' frames with a steady tail beat.
 
     Phases are in cycles and ascend through all runs of steady frames: each run begins a new whole
     cycle. FinloopError if no track is periodic; the message counts the reasons.
@@ -132,7 +132,7 @@ def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
 
 
 def contours_from_snout(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
-    """Return outlines (frames, m, 2) as n points, clockwise from the snout: (frames, n, 2) px.
+    """Return outlines (frames, m, 2) resampled clockwise from the snout: (frames, n, 2) px.
 
     snout_px (frames, 2): point 0 is the point of the outline nearest to it. Points lie at equal
     distances along the outline.
@@ -152,7 +152,7 @@ def contours_from_snout(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
 
 
 def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
-    """Return the mass centres (frames, 2) of contours, and the directions (frames,) of backbones.
+    """Return mass centres (frames, 2) of contours, and directions [rad] (frames,) of backbones.
 
     points (frames, n, 2): contours; backbone (frames, k, 2), head first. A direction is that of the
     straight line nearest to the backbone, towards the head: radians from x towards y, unwrapped.
@@ -167,7 +167,7 @@ def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Float
 
 
 def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
-    """Return contours (frames, n, 2), moved and turned so that the body is at 0 and heads for +x.
+    """Return contours (frames, n, 2), moved and turned: the body at 0, its head towards +x.
 
     centre (frames, 2): place of the body; angle (frames,): its direction, radians from x towards y.
     """
@@ -177,7 +177,7 @@ def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
 
 
 def contour_asymmetry(points: Floats) -> Floats:
-    """Return how far contours (frames, n, 2) differ from their mirror images in the axis y = 0.
+    """Return how far (frames,) contours differ from their mirror images in the body's axis.
 
     The result (frames,) is half the RMS distance between points and their images, in their unit.
     Contours are relative to the body and begin at the snout.
@@ -187,7 +187,7 @@ def contour_asymmetry(points: Floats) -> Floats:
 
 
 def tail_sideways_positions(points: Floats) -> Floats:
-    """Return how far to the right the tail end is, (frames,), from outlines (frames, n, 2).
+    """Return how far right of the body's axis the tail end is in each frame, (frames,).
 
     Outlines are relative to the body, x ahead, y to the right, and begin at the snout; the unit is
     theirs. Averaged are the tail end and, on either side of it, a share TAIL of the points.

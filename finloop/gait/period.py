@@ -1,4 +1,4 @@
-"""Frequency and phase of a motion that repeats, from contours over time (for curve paper §4.2).
+"""Find frequency and phase of a motion that repeats, from contours over time (§4.2).
 
 The paper cuts the gait cycle out of the film by hand. Here the principal modes of all coordinates
 give the frequency and phase of every frame. For every frequency a sinusoid and a straight line are
@@ -38,7 +38,7 @@ _HALF_WINDOW = 0.75  # cycles before and after a frame in the window of `remove_
 
 @dataclass(frozen=True)
 class Period:
-    """Frequency and phase of a motion that repeats, and the confidence in them."""
+    """The frequency and phase of a repeating motion, and the confidence in them."""
 
     frequency_hz: float  # cycles a second over the steady frames; NaN if there is none
     phase: Floats  # (frames,) in cycles, rising, not wrapped; whole numbers are key frame 1
@@ -50,7 +50,7 @@ class Period:
 
 
 def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = None) -> Period:
-    """Return the frequency and phase of a motion that repeats, from coordinates (frames, k).
+    """Return the frequency and phase of a repeating motion, from coordinates (frames, k).
 
     signal: NaN where missing. extreme (frames,): phase 0 is where its main wave is greatest; by
     default the strongest mode, signed so that its largest coordinate is positive. The search goes
@@ -104,7 +104,7 @@ def _signed_main_mode(modes: Floats, complete: Floats) -> Floats:
 
 
 def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
-    """Return the `Period` of a motion (frames, k) whose phase is known, with the confidence in it.
+    """Return the `Period` of a motion (frames, k) whose phase is known, and its confidence.
 
     phase (frames,): in cycles. good (frames,): where the motion may be steady; only runs of good
     frames that last a cycle or more are. If these hold less than _LEAST_CYCLES in all there is no
@@ -125,7 +125,7 @@ def period_from_phase(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: 
 
 
 def set_phase_zero(period: Period, extreme: Floats) -> Period:
-    """Return a period with its phase shifted: whole numbers are where a signal is greatest.
+    """Return a period whose phase is a whole number where a signal (frames,) is greatest.
 
     extreme (frames,): the signal, of which only the sinusoid of the period counts.
     """
@@ -177,7 +177,7 @@ def fill_gaps(signal: Floats) -> Floats:
 
 
 def _principal_modes(signal: Floats) -> Floats:
-    """Return the scores (frames, m) of a signal's principal components, strongest first.
+    """Return the scores (frames, m) of a signal's strongest principal components, in order.
 
     They hold _VARIANCE of the variance, but are at most _MODES; m is 0 if nothing moves.
     """
@@ -191,7 +191,7 @@ def _principal_modes(signal: Floats) -> Floats:
 
 
 def _find_steady_runs(good: Mask, phase: Floats) -> Mask:
-    """Return which good frames (frames,) lie in runs of at least one whole cycle.
+    """Return a mask (frames,) of the good frames in runs that last at least one cycle.
 
     good (frames,): frames that may be steady; phase (frames,): in cycles. A run ends where
     the phase does not rise.
@@ -205,7 +205,7 @@ def _find_steady_runs(good: Mask, phase: Floats) -> Mask:
 
 
 def remove_beat(values: Floats, phase: Floats) -> Floats:
-    """Return values (frames, k) without what repeats with a beat; turns and drift stay.
+    """Return values (frames, k) without what repeats with a beat; turns and drift remain.
 
     phase (frames,): of the beat, in cycles. At every frame a straight line plus a sinusoid of the
     beat is fitted to the cycle and a half about it, or, near an end, to the first or the last cycle
@@ -225,7 +225,7 @@ def remove_beat(values: Floats, phase: Floats) -> Floats:
 
 
 def _harmonic_terms(phase: Floats, count: int) -> Floats:
-    """Return a constant, and cosines and sines of the first harmonics: (frames, 1 + 2 count).
+    """Return a constant, and cosine and sine of the first harmonics: (frames, 1 + 2 count).
 
     phase (frames,): in cycles; count: number of harmonics.
     """
@@ -234,7 +234,7 @@ def _harmonic_terms(phase: Floats, count: int) -> Floats:
 
 
 def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
-    """Return which share (0-1) of the steady cycles' variance is predicted, each from all others.
+    """Return the share (0–1) of variance predicted in each steady cycle from all other cycles.
 
     modes (frames, m): scores of the principal components; phase (frames,): in cycles; steady
     (frames,): which frames count.
@@ -253,7 +253,7 @@ def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
 
 
 def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
-    """Return why a motion has too few steady cycles: a better reason than `why`, if there is one.
+    """Return the best reason why a motion has too few steady cycles.
 
     modes (frames, m): scores of the principal modes; share (frames,): of the variance about each
     frame that a sinusoid explains, 0-1; why: which cycles are steady.
@@ -273,7 +273,7 @@ def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
 
 
 def _trace_beat(modes: Floats, frame_rate_hz: float) -> tuple[Floats, Floats]:
-    """Return the phase (frames,) of the beat in all modes, in cycles, and the share it explains.
+    """Return the beat's phase (frames,) in cycles, and the share of the motion that it explains.
 
     The share (frames,) is that of the variance about each frame, 0-1. modes (frames, m): scores of
     the principal modes; frame_rate_hz: frames per second, which cancels but for rounding.
@@ -290,7 +290,7 @@ def _trace_beat(modes: Floats, frame_rate_hz: float) -> tuple[Floats, Floats]:
 
 
 class _SinusoidFit(NamedTuple):
-    """A sinusoid of one frequency, fitted to a window of the modes about every frame.
+    """A sinusoid of one frequency, fitted to a window around every frame.
 
     share (frames,): of the variance in the window that it explains, 0-1; amplitude (frames, modes):
     complex, its angle is the phase in the middle of the window; offset (frames,): of the frame from
@@ -303,7 +303,7 @@ class _SinusoidFit(NamedTuple):
 
 
 def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
-    """Return how a sinusoid of `frequency` (cycles a frame) fits the modes about every frame.
+    """Return how well a sinusoid of `frequency` (cycles a frame) fits the modes around each frame.
 
     modes (frames, m): scores of the principal modes. In a window about each frame, a straight line
     (a turn, a drift) and the sinusoid are fitted together; frames count less towards its ends. The
@@ -368,7 +368,7 @@ def _best_frequency_path(share: Floats, grid: Floats) -> NDArray[np.intp]:
 def _phase_of_frequency_path(
     modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats
 ) -> Floats:
-    """Return the phase (frames,) of the beat that all modes (frames, m) share, in cycles, rising.
+    """Return the rising phase (frames,), in cycles, of the beat that all modes (frames, m) share.
 
     share (frequencies, frames): of the variance that each frequency explains, 0-1; grid: the
     frequencies, cycles a frame; path (frames,): index of each frame's frequency. The modes'
@@ -392,7 +392,7 @@ def _phase_of_frequency_path(
 
 
 def _refine_frequencies(share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
-    """Return the frequency (frames,) between those of `grid` that explains most near the path.
+    """Return each frame's frequency (frames,), refined between the values of `grid`.
 
     It is in cycles a frame, as `grid` is, at the top of a parabola through three shares. share
     (frequencies, frames): of the variance that each frequency explains; path (frames,): indices.

@@ -54,7 +54,7 @@ class GaitSettings:
     }
 
     def __post_init__(self) -> None:
-        """Raise ValueError if values do not go together, or the points are no power of two."""
+        """Raise ValueError if values contradict each other, or points are no power of two."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")
         if self.contour_points >> self.level < 4:

@@ -1,4 +1,4 @@
-"""The command line of `gait`: two key poses and the name of a gait give a moving drawing.
+"""The command line of `gait`: key poses and the name of a gait make a moving drawing.
 
 `python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. A gait without symmetry, such
 as a gallop, takes four key poses. Contours of the same id belong together. The file name's ending
@@ -39,7 +39,7 @@ MOST_BYTES = 10_000_000  # of a gait's file: γ per coordinate of ten limbs of 1
 
 
 def main(arguments: list[str] | None = None, program: str = "python -m finloop.gait") -> int:
-    """Read key poses and a gait, write the cycle, print a summary; return the exit status.
+    """Read key poses and a gait, write the gait cycle, print a summary; return the exit status.
 
     program: how the command was called, for its help.
     """
@@ -70,7 +70,7 @@ def _write_cycle(options: argparse.Namespace) -> str:
 
 
 def load_gait(path: Path) -> Gait:
-    """Return the gait of a JSON file; FinloopError if the file is missing, no JSON, or no gait."""
+    """Return the gait in a JSON file; FinloopError if the file is missing, no JSON, or no gait."""
     return load_json(path, gait_from_record, WANTED, DO, MOST_BYTES)
 
 
@@ -99,7 +99,7 @@ def shipped_gait_files(shipped: Path) -> dict[str, Path]:
 def choose_frame_timing(
     frequency_hz: float, frames: int | None, rate: Fraction | None
 ) -> tuple[int, Fraction]:
-    """Return frames per cycle and frames per second with which a gait is shown.
+    """Return the frames per cycle and the frames per second of an animated gait cycle.
 
     frequency_hz: of the gait, cycles/s; frames: per cycle; rate: frames per second. If one is None
     it follows from the other and the frequency; if both are, the rate is RATE. Chosen frames are
@@ -112,7 +112,7 @@ def choose_frame_timing(
 
 
 def _summarise_transfer(result: Transfer, gait: Gait, seconds: float) -> str:
-    """Return lines for the user: length of the cycle, how far feet slide, which contours fold."""
+    """Return lines for the user: the cycle's length, how far feet slide, which contours fold."""
     morph = result.morph
     frames = len(morph.tau)
     lines = [f"{len(morph.layers)} contours, {frames} frames, a cycle of {seconds:.3g} s"]
@@ -141,7 +141,7 @@ def _summarise_transfer(result: Transfer, gait: Gait, seconds: float) -> str:
 
 
 class _ListGaits(argparse.Action):
-    """Print the shipped gaits and exit, as --help does."""
+    """An option that prints the shipped gaits and exits, as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
         """Print each shipped gait with its frequency and symmetry, then exit."""

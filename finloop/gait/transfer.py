@@ -1,4 +1,4 @@
-"""A fitted gait drives another drawing: two key poses become a cycle (curve paper §4.2).
+"""Drive a drawing by a fitted gait: two key poses become a cycle (curve paper §4.2).
 
 Keys 1 and 2 are drawings with the same ids; keys 1' and 2' follow by symmetry. In a "swap" left and
 right limbs exchange their poses, so a limb and its partner should hang at the same place of the
@@ -77,7 +77,7 @@ def animate_drawing(
     control: int | None = None,
     wavelet: str | None = None,
 ) -> Transfer:
-    """Return a drawing's gait cycle between its key poses, with its feet on the ground.
+    """Return the gait cycle of a drawing between its key poses, with its feet on the ground.
 
     The result also says how far feet slide before and after they are put on the ground, which
     contours leave the picture, and which feet are drawn too high (`Transfer`).
@@ -153,7 +153,7 @@ def _mix_styles_over_cycle(
     phases: Points,
     split: float,
 ) -> dict[str, tuple[Paint, ...]]:
-    """Return, by id, how each contour is painted at phases (frames,) of a gait cycle.
+    """Return, by id, each contour's paint at phases (frames,) of a gait cycle.
 
     poses, keys: the key poses and their contours; with only two, 1' is painted as 1, and 2' as 2.
     layers: contours (frames, n, 2) by id; split: phase of key 2.
@@ -172,19 +172,19 @@ def _mix_styles_over_cycle(
 
 
 def _rename_curves(drawing: Drawing, new_names: Mapping[str, str]) -> Drawing:
-    """Return a drawing with new ids; new_names: by id."""
+    """Return a drawing whose contours have new ids; new_names: by old id."""
     curves = {new_names[name]: drawing.curves[name] for name in new_names}
     styles = {new_names[name]: paint for name, paint in drawing.styles.items()}
     return replace(drawing, curves=curves, styles=styles)
 
 
 def _join_limbs(key: Mapping[str, Points], limbs: Limbs) -> dict[str, Points]:
-    """Return the points (m, 2) of all contours of each limb; key: contours (n, 2) by id."""
+    """Return the joined points (m, 2) of all contours of each limb, by limb."""
     return {limb: np.concatenate([key[name] for name in names]) for limb, names in limbs.items()}
 
 
 def _spread_gamma(gait: Gait, limbs: Limbs) -> Gait:
-    """Return the gait with the γ of each limb for all its contours."""
+    """Return a gait in which each contour of a limb has that limb's γ."""
     gamma = {
         name: gait.gamma[limb]
         for limb, names in limbs.items()
@@ -195,7 +195,7 @@ def _spread_gamma(gait: Gait, limbs: Limbs) -> Gait:
 
 
 def _count_frames_outside(morph: Morph) -> dict[str, int]:
-    """Return, by id, in how many frames a contour leaves the picture, without zeros."""
+    """Return, by id, the number of frames in which a contour leaves the picture; no zeros."""
     size = [morph.width, morph.height]
     counts = {
         name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
@@ -210,7 +210,7 @@ def repeat_cycle(morph: Morph, cycles: int) -> Morph:
 
 
 def pool_gammas(gait: Gait) -> Gait:
-    """Return a gait as it moves contours that it was not fitted to, of any number of points.
+    """Return a gait that fits contours of any number of points: γ per coefficient become one.
 
     A contour with γ per coefficient or coordinate gets one γ (`Gait.limb_gamma`); one with γ per
     scale keeps them. Contours that the gait does not name have the γ of POOLED; if it has none,
@@ -230,7 +230,7 @@ def pool_gammas(gait: Gait) -> Gait:
 
 
 def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
-    """Return how much lower (0, y) a limb stands than its partner, by id, if both stand in key 1.
+    """Return, by id, how much lower (0, y) a limb stands than its partner in key 1.
 
     key1: contours (n, 2) by id, y down. The far limbs of a drawing often stand higher in the
     picture: farther up on the ground.
@@ -246,7 +246,7 @@ def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
 
 
 def _standing_limbs(gait: Gait, phase: float) -> set[str]:
-    """Return the ids of the limbs whose foot is on the ground at a phase, 0 to below 1 cycles."""
+    """Return the ids of the limbs whose foot is on the ground at a phase [cycles]."""
     rounding = 1e-9  # cycles, as in `support_frames`
     moments = phase, phase + 1, phase + 2  # a span ends at 2 at the latest
     return {
@@ -260,10 +260,10 @@ def _standing_limbs(gait: Gait, phase: float) -> set[str]:
 def _find_lifted_feet(
     key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]
 ) -> tuple[str, ...]:
-    """Return the ids of feet that stand in key 2 but are drawn higher than their lifted partners.
+    """Return ids of feet that should stand in key 2 but are drawn above their lifted partners.
 
     key2: contours (n, 2) by id, y down; offsets: how much lower (0, y) a limb stands than its
-    partner if both stand. Higher means by more than a share LIFT of the partner's height.
+    partner if both stand. Above means by more than a share LIFT of the partner's height.
     """
     standing = _standing_limbs(gait, gait.split)
     lifted = []
@@ -278,7 +278,7 @@ def _find_lifted_feet(
 def _ground_in_widths(
     layers: Mapping[str, Points], support: Support, limbs: Limbs, width: float
 ) -> Ground | None:
-    """Return how the ground moves, in widths of the drawing; None if no limb is a foot.
+    """Return the ground's speed and slides in widths of the drawing; None if no limb is a foot.
 
     layers: contours (frames, n, 2) by id; support: spans of phase on the ground by limb; limbs: ids
     of the contours by limb; width: of the drawing, px.
@@ -296,7 +296,7 @@ def _ground_in_widths(
 def match_key_poses(
     poses: Sequence[Drawing], symmetry: Symmetry, points: int
 ) -> list[dict[str, Points]]:
-    """Return key poses as contours (points, 2) by id; row i is the same place in all of them.
+    """Return key poses as contours (points, 2) by id; equal rows are the same point of the body.
 
     If the symmetry is "swap", so it is in left and right limbs: the one that comes first in the
     drawing numbers the points of both limbs in all poses. points: of every contour. FinloopError if
@@ -322,7 +322,7 @@ def match_key_poses(
 
 
 def _find_usual_turn(reference: Points, others: Sequence[Curve]) -> complex:
-    """Return the mean turn of other poses from the reference (n, 2), as a unit number x + iy.
+    """Return the mean turn from the reference (n, 2) to other poses, as a unit number x + iy.
 
     Both ends of a leg look alike, and between four poses it turns far. So at first the leg counts
     as hanging straight down on average: its uppermost point is above its middle.
@@ -337,7 +337,7 @@ def _find_usual_turn(reference: Points, others: Sequence[Curve]) -> complex:
 
 
 def renumber_curve(reference: Points, curve: Curve, usual_turn: complex | None = None) -> Points:
-    """Return a curve as n points (n, 2), numbered so that they match `reference` (n, 2) best.
+    """Return a curve as n points (n, 2), numbered so that it matches `reference` (n, 2) best.
 
     Both are centred first. A turn between them hardly counts, see `_likeness_of_product`. An open
     curve may be reversed. A closed curve runs clockwise, as `reference` must then, and starts at
@@ -350,7 +350,7 @@ def renumber_curve(reference: Points, curve: Curve, usual_turn: complex | None =
         points = resample_curve(curve, n).points
 
         def likeness(numbered: Points) -> float:
-            """Return how well points (n, 2) match the reference."""
+            """Return how well points (n, 2) match the reference, row by row."""
             product = centred_reference @ _centred_complex_points(numbered).conj()
             return float(_likeness_of_product(product))
 
@@ -370,7 +370,7 @@ def renumber_curve(reference: Points, curve: Curve, usual_turn: complex | None =
 def mirrored_point_orders(
     key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
 ) -> dict[str, Ints]:
-    """Return by id the order (n,) of a contour's points in its mirrored key poses.
+    """Return, by id, the point order (n,) with which a contour's key poses are mirrored.
 
     key1, key2: contours (n, 2) by id; closed: by id. `gait.model.four_key_frames` mirrors key 1
     into 1' and key 2 into 2' with these orders. They fit 1' to 2 and 2' to 1 best, as the cycle
@@ -388,7 +388,7 @@ def mirrored_point_orders(
 
 
 def _mirrored_point_order(pairs: Sequence[tuple[Points, Points]], closed: bool) -> Ints:
-    """Return the order (n,) of points in which mirrored contours fit others best.
+    """Return the point order (n,) with which mirrored contours fit given others best.
 
     pairs: a contour (n, 2), and the contour that is mirrored to fit it; closed: whether all are. A
     closed contour is reversed, and may begin at any point; an open one may be reversed.
@@ -409,7 +409,7 @@ def _mirrored_point_order(pairs: Sequence[tuple[Points, Points]], closed: bool) 
 
 
 def _likeness_of_product(z: Complex) -> Points:
-    """Return how alike two contours are after the best turn: |z| + UPRIGHT · Re z, shaped like z.
+    """Return how alike two contours are after the best turn: |z| + UPRIGHT · Re z.
 
     z is Σ a_i conj(b_i) over the points of both as centred complex numbers. The second part is
     there for contours that look the same turned, such as an eye: they should not turn.
@@ -418,5 +418,5 @@ def _likeness_of_product(z: Complex) -> Points:
 
 
 def _centred_complex_points(points: Points) -> Complex:
-    """Return points (n, 2) as complex numbers x + iy about their mean, (n,)."""
+    """Return points (n, 2) as complex numbers x + iy (n,), with their mean at 0."""
     return (points - points.mean(axis=0)) @ np.array([1, 1j])

@@ -1,4 +1,4 @@
-"""The true γ of the drawn dog, from its exact contours (curve paper §4.2)."""
+"""Compute the true γ of the drawn dog from its exact contours (curve paper §4.2)."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ QUADRATURE = 401
 
 
 def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
-    """Return the true gait parameters γ of the drawn dog, by limb, then by subcycle ("A", "B").
+    """Return the drawn dog's true gait parameters γ, by limb and subcycle ("A", "B").
 
     They are fitted by least squares to the exact contours, of n points, at QUADRATURE moments. They
     differ a little from γ of the foot's own motion (`foot_gammas`), as points move on arcs and the

@@ -1,4 +1,4 @@
-"""Tests of whether polygons meet themselves or each other, in one pose or during a motion.
+"""Test whether polygons cross or touch themselves or each other, in one pose or during a motion.
 
 Several contours, as of a letter with a hole, are tested as one array of vertices (n, 2). Its
 `following` (n,) has the vertex to which each vertex has an edge, −1 where an open contour ends.
@@ -32,7 +32,7 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 
 class ContourLayout(NamedTuple):
-    """How contours lie one after the other in an array of vertices: sizes, all closed or all open.
+    """The numbers of vertices of contours that lie one after the other in an array of vertices.
 
     sizes: numbers of vertices of the contours.
     """
@@ -48,7 +48,7 @@ class ContourLayout(NamedTuple):
 
     @property
     def following(self) -> Ints:
-        """Return the vertex (n,) to which each vertex has an edge, −1 for none."""
+        """Return the number (n,) of the vertex to which each vertex has an edge; −1 for none."""
         following = np.arange(1, sum(self.sizes) + 1)
         ends = np.cumsum(self.sizes)
         following[ends - 1] = ends - self.sizes if self.closed else -1
@@ -56,7 +56,7 @@ class ContourLayout(NamedTuple):
 
 
 def count_contour_folds(stack: Reals, layout: ContourLayout) -> Ints:
-    """Return the exact number (f,) of folds of contours (f, n, 2): pairs of their edges that meet.
+    """Return the exact number (f,) of folds in frames of contours (f, n, 2): edges that meet.
 
     Edges of two contours count as those of one. Neighbouring edges count if they share more than
     their vertex; an edge of length 0 is a fold, too. FinloopError if a coordinate is not finite, or
@@ -69,7 +69,7 @@ def count_contour_folds(stack: Reals, layout: ContourLayout) -> Ints:
 
 
 def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
-    """Return the exact number (f,) of folds of each polygon, as `count_contour_folds` counts them.
+    """Return the exact number (f,) of folds in each polygon: pairs of its edges that meet.
 
     stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not repeated.
     """
@@ -77,7 +77,7 @@ def count_polygon_folds(stack: Reals, closed: bool = True) -> Ints:
 
 
 def is_simple(points: Reals, closed: bool = True) -> bool:
-    """Return whether a polygon (n, 2) has no fold, as `count_contour_folds` counts them."""
+    """Return whether a polygon (n, 2) has no fold: none of its edges meet."""
     layout = _polygon_layout(points, closed)
     polygon = _check_contours(points, layout)[0]
     return count_folds_unchecked(polygon, layout.following, first_only=True) == 0
@@ -93,7 +93,7 @@ def stays_simple(poses: Reals, closed: bool = True) -> bool:
 
 
 def contours_stay_simple(poses: Reals, layout: ContourLayout) -> bool:
-    """Return whether contours never meet that move straight from pose to pose (k, n, 2).
+    """Return whether contours that move straight from pose to pose (k, n, 2) never meet.
 
     Neither does one meet itself. True is a proof, as in `stays_simple`.
     """
@@ -104,7 +104,7 @@ def contours_stay_simple(poses: Reals, layout: ContourLayout) -> bool:
 
 
 def _polygon_layout(stack: Reals, closed: bool) -> ContourLayout:
-    """Return the layout of one polygon, the last but one axis of an array."""
+    """Return the layout of the one polygon in each frame of an array (…, n, 2)."""
     return ContourLayout((np.shape(stack)[-2] if np.ndim(stack) >= 2 else 0,), closed)
 
 
@@ -134,7 +134,7 @@ def _check_contours(points: Reals, layout: ContourLayout) -> Floats:
 
 @kernel
 def _two_product(a: float, b: float) -> tuple[float, float]:
-    """Return the rounded product of two numbers, and what is missing to the exact one (Dekker).
+    """Return the rounded product of two numbers, and its rounding error (Dekker).
 
     Each factor is the sum of two halves of at most 26 bits, whose products are exact.
     """
@@ -148,7 +148,7 @@ def _two_product(a: float, b: float) -> tuple[float, float]:
 
 @kernel
 def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
-    """Return the sign of (a − c) × (b − c), by adding its six products without rounding.
+    """Return the exact sign of (a − c) × (b − c), without rounding its six products.
 
     The sum is kept as numbers of ascending size that do not overlap, so the last one that is not 0
     has its sign (Shewchuk 1997).
@@ -189,7 +189,7 @@ def _orientation_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy:
 
 @kernel
 def _segments_meet(points: Floats, a: int, b: int, c: int, d: int) -> bool:
-    """Return whether edges ab and cd of a polygon share a point; their bounding boxes must overlap.
+    """Return whether edges ab and cd of a polygon share a point, if their boxes overlap.
 
     points (n, 2): the polygon; a, b, c, d: its rows at the ends of the edges.
     """
@@ -207,7 +207,7 @@ def _segments_meet(points: Floats, a: int, b: int, c: int, d: int) -> bool:
 
 @kernel
 def _turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> bool:
-    """Return whether edges pq and qr, both longer than 0, share more than their corner q."""
+    """Return whether neighbouring edges pq and qr share more than their corner q."""
     if _orientation_sign(px, py, qx, qy, rx, ry) != 0:
         return False
     return ((px > qx) == (rx > qx) and px != qx) or ((py > qy) == (ry > qy) and py != qy)
@@ -235,7 +235,7 @@ def _edge_boxes(vertices: Floats, following: Ints) -> Floats:
 
 @kernel
 def _merge_boxes(boxes: Floats) -> Floats:
-    """Return the bounding boxes of groups of BLOCK consecutive boxes (n, 4).
+    """Return one bounding box for each group of BLOCK consecutive boxes (n, 4).
 
     Boxes are left, top, right, bottom.
     """
@@ -305,7 +305,7 @@ def count_folds_unchecked(points: Floats, following: Ints, first_only: bool) -> 
 
 @kernel
 def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
-    """Return whether it is proved that vertex v never touches edge ij between two poses.
+    """Return whether vertex v is proved never to touch edge ij while both move between two poses.
 
     before, after (n, 2): the poses; v, i, j: rows. Let u and w lead from v to i and to j. There is
     no contact while u × w is not 0 or u · w is positive. Both are quadratics in time, with the

@@ -17,14 +17,14 @@ Place = tuple[float, float] | str
 
 @dataclass(frozen=True)
 class GravityForce:
-    """An acceleration downwards, heights of the picture / s²; below 0 it is a lift."""
+    """An acceleration downwards, in heights of the picture / s²; below 0 it lifts."""
 
     strength: float
 
 
 @dataclass(frozen=True)
 class WindForce:
-    """Wind of a velocity (right, down), heights / s; drag: its grip, in the unit of the damping c.
+    """A wind of velocity (right, down), in heights of the picture / s.
 
     gust: share of its speed by which it changes; gust_length: of an eddy, heights.
     """
@@ -37,7 +37,7 @@ class WindForce:
 
 @dataclass(frozen=True)
 class AttractionForce:
-    """A pull to a point, or to the nearest place of a shape's outline.
+    """A pull to a point, or to the nearest point of a shape's outline.
 
     At mass 1 and without damping a drawing swings √strength times a second around a point.
     """
@@ -48,7 +48,7 @@ class AttractionForce:
 
 @dataclass(frozen=True)
 class FloorForce:
-    """A floor: y in the drawing's coordinates, or the shape whose upper end it is.
+    """A floor at a height y of the drawing, or at the upper end of a shape.
 
     friction: Coulomb's number, 0 = ice.
     """
@@ -59,7 +59,7 @@ class FloorForce:
 
 @dataclass(frozen=True)
 class HoldForce:
-    """The id of a shape; what touches it at rest stays where it is."""
+    """Holds in place what touches a shape, given by its id, at rest."""
 
     by: str
 
@@ -111,7 +111,7 @@ def parse_force(text: str) -> Force:
 
 
 def _read_main(text: str, kind: str, words: list[str]) -> float | tuple[float, float] | str:
-    """Return the first value of a force: a number, two, or the id of a shape.
+    """Return the first value of a force's text: a number, two, or the id of a shape.
 
     text: the whole force, for messages; words: what stands between commas before the options.
     """

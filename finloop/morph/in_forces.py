@@ -1,4 +1,4 @@
-"""Drawings that move in fields of force (curve paper §3.1, §4.2, Q of Eq. 3.3).
+"""Drawings that move under forces such as gravity (curve paper §3.1, §4.2, Q of Eq. 3.3).
 
 If each contour moved alone, the eyes would fall through the face to the floor. So the silhouette of
 each piece of the drawing is the curve that moves, and what is in it follows (`morph.pieces`).
@@ -62,7 +62,7 @@ Bools = NDArray[np.bool_]
 
 
 class ForcedMotion(NamedTuple):
-    """A drawing in motion; rest_time: s from which on it is at rest, None = it still moves."""
+    """A drawing in motion; rest_time: second from which on it is at rest, None if it never is."""
 
     morph: Morph
     rest_time: float | None
@@ -124,7 +124,7 @@ def move_drawing(
             f"at most {REACH} times its size",
             "weaken the forces, add a floor or damping, or shorten the film",
         )
-    share = _share_of_the_way(physics, times)
+    share = _morph_progress(physics, times)
     layers, ends = dict[str, Points](), (dict[str, Points](), dict[str, Points]())
     for name, curve in a.curves.items():
         if shape_of(name) in scene:
@@ -146,7 +146,7 @@ def move_drawing(
 
 
 class _Bodies(NamedTuple):
-    """The silhouettes that move, first and at rest (n, k, 2), and of each contour its number."""
+    """The silhouettes when motion begins and at rest (n, k, 2); piece_of: number by contour."""
 
     start: Floats
     rest: Floats
@@ -154,7 +154,7 @@ class _Bodies(NamedTuple):
 
 
 def _match_bodies(a: Drawing, b: Drawing, points: int) -> _Bodies:
-    """Return the pieces of two drawings, paired; FinloopError if they have other pieces."""
+    """Return the pieces of two drawings in pairs; FinloopError if their pieces differ."""
     if not a.curves:
         raise FinloopError(
             "a drawing of which the forces name every shape",
@@ -180,7 +180,7 @@ def describe_rest(rest_time: float | None) -> str:
 
 
 def _find_scene(drawing: Drawing, forces: Sequence[Force]) -> dict[str, list[Curve]]:
-    """Return the shapes that forces name, by id; FinloopError for one that is not there."""
+    """Return the shapes, by id, that forces name; FinloopError for an id that is not there."""
     shapes = shape_contours(drawing)
     scene = dict[str, list[Curve]]()
     for force in forces:
@@ -203,13 +203,13 @@ def _named_shape(force: Force) -> str | None:
 
 
 def _without_scene(drawing: Drawing, scene: dict[str, list[Curve]]) -> Drawing:
-    """Return a drawing without the shapes that stand still."""
+    """Return a drawing without the shapes that forces name."""
     curves = {k: curve for k, curve in drawing.curves.items() if shape_of(k) not in scene}
     return replace(drawing, curves=curves)
 
 
 def _pair_pieces(first: dict[str, int], last: dict[str, int]) -> list[int]:
-    """Return for each piece of the first drawing that of the last; both by contour.
+    """Return the number of the last drawing's piece for each piece of the first.
 
     FinloopError unless the same contours hang together in both.
     """
@@ -224,8 +224,8 @@ def _pair_pieces(first: dict[str, int], last: dict[str, int]) -> list[int]:
     return [other for _, other in sorted(partners)]
 
 
-def _share_of_the_way(physics: PhysicalOptions, times: Points) -> Points:
-    """Return how far (f,) contours are on their way in the silhouette, as its slowest swing is."""
+def _morph_progress(physics: PhysicalOptions, times: Points) -> Points:
+    """Return how far (f,) contours have morphed in the silhouette, as its slowest mode swings."""
     material = physical_material(physics)
     stiffness = np.array([(2 * np.pi) ** 2 * material.elastic])
     damping = material.mass_damping * (material.density or 1) + (
@@ -238,7 +238,7 @@ def _share_of_the_way(physics: PhysicalOptions, times: Points) -> Points:
 def _forces_on(
     drawing: Drawing, forces: Sequence[Force], scene: dict[str, list[Curve]], rest: Floats
 ) -> Forces:
-    """Return forces in units of the drawing on silhouettes with rest shapes (n, k, 2)."""
+    """Return the forces on silhouettes with rest shapes (n, k, 2), in units of the drawing."""
     height = drawing.height
     gravity = sum(force.strength for force in forces if isinstance(force, GravityForce))
     winds = tuple(
@@ -272,7 +272,7 @@ def _forces_on(
 def _held_points(
     drawing: Drawing, forces: Sequence[Force], scene: dict[str, list[Curve]], rest: Floats
 ) -> Bools | None:
-    """Return which points of silhouettes (n, k, 2) are held, (n, k); None if nothing holds any.
+    """Return a mask (n, k) of the points of silhouettes (n, k, 2) that are held; None if none is.
 
     FinloopError if a shape that shall hold touches nothing.
     """
@@ -304,14 +304,14 @@ def _target_points(place: tuple[float, float] | str, scene: dict[str, list[Curve
 
 
 def _floor_height(y: float | str, scene: dict[str, list[Curve]]) -> float:
-    """Return the y of a floor: the upper end of a shape."""
+    """Return the y of a floor; for a shape, that of its upper end."""
     if not isinstance(y, str):
         return y
     return min(float(curve.points[:, 1].min()) for curve in scene[y])
 
 
 def _touches(points: Points, contours: Sequence[Curve], reach: float) -> Bools:
-    """Return which points (m, 2) lie in a shape, or within `reach` of its contours."""
+    """Return a mask (m,) of points (m, 2) that lie in a shape or within `reach` of its contours."""
     near = np.zeros(len(points), bool)
     for curve in contours:
         near |= np.hypot(*nearest_on_curve(points, curve)[1].T) <= reach

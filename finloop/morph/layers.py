@@ -1,4 +1,4 @@
-"""Morphs of drawings in layers (curve paper §4.1, Figs. 4, 5): a face is outline, eyes, mouth.
+"""Morph drawings shape by shape (curve paper §4.1, Figs. 4, 5), such as outline, eyes, mouth.
 
 Shapes of the same id form a pair. Coordinates are rounded before folds are counted, so the counts
 hold for the coordinates in the files. Two of the paper's methods are here, linear (Eq. 4.1, Fig. 4)
@@ -126,7 +126,7 @@ def _morph_shape(
     a: Sequence[Curve], b: Sequence[Curve], pins: Pins, method: str, frames: int, points: int,
     resolution: Resolution, physics: PhysicalOptions,
 ) -> list[tuple[Points, bool]]:  # fmt: skip
-    """Return the frames (frames, points, 2) of each contour of a shape, and whether it is closed.
+    """Return the frames (frames, points, 2) of each contour of a shape, and whether each is closed.
 
     FinloopError if the contours cannot be paired, or the method cannot morph them.
     """
@@ -159,7 +159,7 @@ def build_morph(
     repeats: bool = False,
     closed: Mapping[str, bool] | None = None,
 ) -> Morph:
-    """Return a morph made of given frames: coordinates rounded, folds counted.
+    """Return a morph made of given frames, with rounded coordinates and counted folds.
 
     Its `continuous` says of each contour whether it is proved that no fold lies between frames.
     a: the first drawing, which gives the size of the picture. tau (f,): share of the way to the
@@ -205,7 +205,7 @@ def build_morph(
 
 
 def _layout(stacks: Sequence[Points]) -> ContourLayout:
-    """Return how closed contours (f, n, 2) lie one after the other in one array."""
+    """Return the layout of closed contours (f, n, 2) that lie one after the other in one array."""
     return ContourLayout(tuple(stack.shape[1] for stack in stacks))
 
 
@@ -213,7 +213,7 @@ def _count_crossings(
     names: Sequence[str], layers: Mapping[str, Points], folds: Mapping[str, Ints],
     closed: Mapping[str, bool],
 ) -> Ints:  # fmt: skip
-    """Return how often the contours of a shape meet each other in every frame (f,).
+    """Return how often the contours of one shape meet each other in every frame (f,).
 
     names: ids of the contours. layers, folds, closed: contours (f, n, 2), their own folds (f,), and
     whether they are closed, by id. 0 for a shape with an open contour, whose lines may cross, and
@@ -229,7 +229,7 @@ def _count_crossings(
 
 
 def _require_near(name: str, stack: Points, side: float) -> None:
-    """Raise FinloopError if a frame of a shape (f, n, 2) reaches farther than REACH sides."""
+    """Raise FinloopError if a frame of a shape (f, n, 2) goes more than REACH pictures away."""
     if not (np.abs(stack) <= REACH * side).all():
         raise FinloopError(
             f"shape {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
@@ -245,7 +245,7 @@ def mix_styles(
     layers: Mapping[str, Points],
     ends: Sequence[Mapping[str, Points]],
 ) -> dict[str, tuple[Paint, ...]]:
-    """Return, by id, how each contour is painted in every frame between two drawings.
+    """Return, by id, the paint of each contour in every frame between two drawings.
 
     A contour that only one drawing paints has that paint throughout. A gradient moves with its
     contour: from either drawing by the affine motion that fits the motion of the points best. A
@@ -292,7 +292,7 @@ def _measure_lengths(stack: Points) -> Floats:
 
 
 def _hide_points(paint: Paint, lengths: Floats) -> Paint:
-    """Return a paint that shows no line along contours as small as points.
+    """Return a paint whose line does not show contours that are as small as points.
 
     lengths (k,): of a shape's contours, in a frame. Each line begins with a gap that is too small
     to be seen between round ends, in which such a contour lies whole.
@@ -306,7 +306,7 @@ def _hide_points(paint: Paint, lengths: Floats) -> Paint:
 
 
 def _find_cut_edges(points: Points, cuts: Points) -> Mask:
-    """Return which edges (n,) of a closed contour (n, 2) lie along cuts, their ends (k, 2, 2)."""
+    """Return a mask (n,) of a closed contour's edges that lie along cuts; cuts: ends (k, 2, 2)."""
     middles = (points + np.roll(points, -1, axis=0)) / 2
     gaps = [nearest_on_curve(middles, Curve(ends, False))[1] for ends in cuts]
     near = np.min([np.hypot(*gap.T) for gap in gaps], axis=0)
@@ -316,7 +316,7 @@ def _find_cut_edges(points: Points, cuts: Points) -> Mask:
 
 
 def _find_start(points: Points, cuts: Points) -> int:
-    """Return the point after a cut of a closed contour (n, 2) where its longest part begins.
+    """Return the vertex of a closed contour (n, 2) at which its longest uncut stretch begins.
 
     cuts (k, 2, 2): their ends. There is room for the line of a hole, which has the same dashes.
     """
@@ -332,7 +332,7 @@ def _find_start(points: Points, cuts: Points) -> int:
 def _leave_gaps(
     paint: Paint, points: Points, is_cut: Mask, whole: float, hole: float = 0.0
 ) -> Paint:
-    """Return a paint whose line leaves the cut edges of a closed contour (n, 2) open.
+    """Return a paint whose line has gaps along the cut edges of a closed contour (n, 2).
 
     is_cut (n,): of its edges. whole: 0 … 1; towards 1, gaps shrink to their middles. hole: length
     of a hole's line, which has the same dashes. A line with dashes of its own, on a contour that is
@@ -364,7 +364,7 @@ def _leave_gaps(
 
 
 def _move_with_contour(paint: Paint, contour: Points, stack: Points) -> list[Paint]:
-    """Return the paint of a contour (n, 2), its gradients moved to each of the frames (f, n, 2)."""
+    """Return a contour's paint in each of the frames (f, n, 2); gradients move with the contour."""
     if not any(isinstance(fill, Gradient) for fill in (paint.fill, paint.stroke)):
         return [paint] * len(stack)
     centre, centres = contour.mean(axis=0), stack.mean(axis=1)
@@ -404,7 +404,7 @@ def physical_morph(
     physics: PhysicalOptions = PhysicalOptions(),  # noqa: B008  (immutable)
     resolution: Resolution = FULL,
 ) -> Points:
-    """Return the motion (frames, points, 2) of curve b, bent into the shape of a and released.
+    """Return the motion (frames, points, 2) of curve b, which is bent into a's shape and released.
 
     As `release_curve`. FinloopError also as `match_curves`.
     """
@@ -420,7 +420,7 @@ def release_curve(
     physics: PhysicalOptions = PhysicalOptions(),  # noqa: B008  (immutable)
     resolution: Resolution = FULL,
 ) -> Points:
-    """Return the motion (frames, n, 2) of a curve that is bent into a shape and released.
+    """Return the motion (frames, n, 2) of a curve that was bent into a shape and is released.
 
     shape, rest (n, 2): the curve bent, and at rest, which the last frame is; closed: whether it is.
     The motion is ρ ü + (c + s₂K) u̇ + K u = 0 (Eq. 3.3) in a time of 1; ρ, c, s₂ and e₀ are those
@@ -451,7 +451,7 @@ def release_curve(
 
 
 def there_and_back(morph: Morph) -> Morph:
-    """Return a morph with its frames appended in reverse, so that it repeats without a jump.
+    """Return a morph that runs there and back, so that it repeats without a jump.
 
     The frames at both ends are not repeated: f frames become 2 f − 2.
     """
@@ -485,7 +485,7 @@ def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
 
 
 def check_physics(physics: PhysicalOptions) -> None:
-    """Raise FinloopError for settings that are not finite, or negative, or resist no shift."""
+    """Raise FinloopError for settings that are not finite, negative, or let the curve drift."""
     values = physics._asdict()
     wrong = [f"{name} {value:g}" for name, value in values.items() if not 0 <= value < inf]
     if physics.mass == physics.damping == 0:
@@ -510,7 +510,7 @@ def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:
 
 
 def _check_shapes(first: Collection[str], second: Collection[str]) -> None:
-    """Raise FinloopError if two drawings have not the same shapes."""
+    """Raise FinloopError if two drawings do not have shapes of the same ids."""
     if problems := _describe_singles(first, second):
         raise FinloopError(
             f"the drawings do not match: {'; '.join(problems)}",
@@ -520,7 +520,7 @@ def _check_shapes(first: Collection[str], second: Collection[str]) -> None:
 
 
 def _describe_singles(first: Collection[str], second: Collection[str]) -> list[str]:
-    """Return in words which ids only one of two drawings has."""
+    """Return in words the ids that only one of two drawings has."""
     problems = []
     for which, names, others in (("first", first, second), ("second", second, first)):
         if single := [name for name in names if name not in others]:
@@ -530,7 +530,7 @@ def _describe_singles(first: Collection[str], second: Collection[str]) -> list[s
 
 
 def check_pairs(a: Drawing, b: Drawing) -> None:
-    """Raise FinloopError, with all problems, if the contours of two drawings form no pairs."""
+    """Raise FinloopError, with all problems, if contours of two drawings cannot be paired by id."""
     problems = _describe_singles(a.curves, b.curves)
     kind = {True: "closed", False: "open"}
     for name, curve in a.curves.items():

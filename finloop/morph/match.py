@@ -1,4 +1,4 @@
-"""Corresponding points of two curves: start point and direction (curve paper §4.1).
+"""Number the points of two curves so that they correspond: start point and direction (§4.1).
 
 Both curves have n points of equal arc length. The second curve is renumbered so that its points lie
 nearest to those of the first, least Σ ‖a_i − b_i‖². The candidates are all start points (n if
@@ -32,7 +32,7 @@ SAME = 1e-9  # of a curve's length: places nearer than that are one
 
 
 class Resolution(NamedTuple):
-    """How coarse contours are: each is rebuilt from 1/2^level of its points (Eq. 2.11, Fig. 2).
+    """How coarse contours are: each is rebuilt from n / 2^level of its n points (Eq. 2.11, Fig. 2).
 
     At level 0 contours keep all their points. wavelet: of the control points, and of the stiffness.
     """
@@ -41,12 +41,12 @@ class Resolution(NamedTuple):
     wavelet: str = "coif2"
 
     def reduce_curves(self, points: Floats, closed: bool) -> Floats:
-        """Return curves (…, n, 2) at this resolution; FinloopError if n points have no such one."""
+        """Return curves (…, n, 2) at this resolution; FinloopError if n points do not allow it."""
         self.check(points.shape[-2])
         return drop_details(points, self.wavelet, self.level, closed) if self.level else points
 
     def check(self, points: int) -> None:
-        """Raise FinloopError if there is no such wavelet, or no such level of so many points."""
+        """Raise FinloopError if there is no such wavelet, or no such level for so many points."""
         find_wavelet(self.wavelet)
         if self.level and (self.level < 0 or points >> self.level < LEAST_CONTROL):
             most = max(0, (points // LEAST_CONTROL).bit_length() - 1)
@@ -62,7 +62,7 @@ FULL = Resolution()
 
 
 class Pins(NamedTuple):
-    """Places of two curves that correspond, (k, 2) each: row i of one goes to row i of the other.
+    """Points of two curves that correspond, (k, 2) each: row i of one goes to row i of the other.
 
     A pin counts at the place of its curve that is nearest to it.
     """
@@ -74,7 +74,7 @@ class Pins(NamedTuple):
 def match_curves(
     a: Curve, b: Curve, n: int, resolution: Resolution = FULL, pins: Pins | None = None
 ) -> tuple[Floats, Floats]:
-    """Return two curves as n points, (n, 2) each, at equal distances; rows correspond.
+    """Return two curves as n points each, (n, 2), at equal distances; equal rows correspond.
 
     The order of a is kept. b is renumbered, and perhaps reversed, so that the points lie nearest to
     those of a. With pins, closed curves begin at the first pin, and distances are equal between
@@ -93,7 +93,7 @@ def match_curves(
 def match_any_curves(
     a: Curve, b: Curve, n: int, resolution: Resolution = FULL, pins: Pins | None = None
 ) -> tuple[Floats, Floats, bool]:
-    """Return two curves as corresponding points (n, 2), and whether they count as closed.
+    """Return two curves as corresponding points (n, 2), and whether they are drawn as closed.
 
     One may be open and the other closed. FinloopError as in `match_curves`, or if such a pair has
     pins.
@@ -125,7 +125,7 @@ def _misfit(first: Floats, second: Floats) -> float:
 
 
 def _double_line(points: Floats) -> Floats:
-    """Return a closed polygon (2 m − 2, 2) that follows an open curve (m, 2) there and back."""
+    """Return a closed polygon (2 m − 2, 2) that runs along an open curve (m, 2) there and back."""
     edges = np.diff(points, axis=0)
     lengths = np.hypot(*edges.T)
     along = edges / np.maximum(lengths, 1e-300)[:, None]
@@ -141,7 +141,7 @@ def _double_line(points: Floats) -> Floats:
 
 
 def _cut_ring(line: Floats, ring: Floats) -> tuple[Floats, Floats]:
-    """Return an open curve (n, 2), and a closed one (n, 2) cut where its points then lie nearest.
+    """Return an open curve (n, 2), and a closed one (n, 2), cut open where it fits the first best.
 
     The ends of the cut curve are CUT edges apart.
     """
@@ -158,14 +158,14 @@ def _cut_ring(line: Floats, ring: Floats) -> tuple[Floats, Floats]:
 
 
 def _number_ring_alike(first: Floats, second: Floats) -> Floats:
-    """Return a closed simple polygon (n, 2), renumbered so that it lies nearest to another one."""
+    """Return a closed simple polygon (n, 2), renumbered so that it lies nearest to a first one."""
     areas = [signed_area(Curve(points, closed=True)) for points in (first, second)]
     second = second[::-1] if areas[0] * areas[1] < 0 else second
     return np.roll(second, -int(misfit_by_start(first, second).argmin()), axis=0)
 
 
 def _number_points_by_pins(a: Curve, b: Curve, n: int, pins: Pins) -> tuple[Floats, Floats]:
-    """Return two curves of one kind as n points, (n, 2) each, of which those at pins correspond."""
+    """Return two curves as corresponding points, (n, 2) each, of which some lie at the pins."""
     b = _run_alike(a, b, pins)
     places = [_length_shares(curve, side) for curve, side in zip((a, b), pins, strict=True)]
     order = np.argsort(places[0], kind="stable")
@@ -192,7 +192,7 @@ def _number_points_by_pins(a: Curve, b: Curve, n: int, pins: Pins) -> tuple[Floa
 
 
 def _run_alike(a: Curve, b: Curve, pins: Pins) -> Curve:
-    """Return curve b, reversed if it runs against a: closed by area, open by pins or by its fit."""
+    """Return curve b, reversed if it runs in the other direction than curve a."""
     backwards = Curve(b.points[::-1], b.closed)
     if a.closed:
         return backwards if signed_area(a) * signed_area(b) < 0 else b
@@ -206,14 +206,14 @@ def _run_alike(a: Curve, b: Curve, pins: Pins) -> Curve:
 
 
 def _length_shares(curve: Curve, points: Floats) -> Floats:
-    """Return the positions (k,) on a curve nearest to points (k, 2), as shares of its length."""
+    """Return where on a curve the points nearest to (k, 2) lie, as shares (k,) of its length."""
     along = _lengths(curve)
     places, _ = nearest_on_curve(points, curve)
     return np.asarray(np.interp(places, np.arange(len(along)), along) / along[-1])
 
 
 def _points_at(curve: Curve, shares: Floats) -> Floats:
-    """Return the points (n, 2) at shares (n,) of a curve's length, over 1 once more round."""
+    """Return the points (n, 2) at shares (n,) of a curve's length; a closed one repeats after 1."""
     along, points = _lengths(curve), curve.points
     points = np.concatenate([points, points[:1]]) if curve.closed else points
     marks = along[-1] * (shares % 1.0 if curve.closed else shares)
@@ -221,14 +221,14 @@ def _points_at(curve: Curve, shares: Floats) -> Floats:
 
 
 def _lengths(curve: Curve) -> Floats:
-    """Return the length of a curve up to each point, of a closed one also back to the first."""
+    """Return a curve's length from its start up to each point, and round to the start if closed."""
     points = curve.points
     points = np.concatenate([points, points[:1]]) if curve.closed else points
     return np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
 
 
 def _whole_parts(shares: Floats, total: int) -> Ints:
-    """Return whole numbers (k,), at least 1 and with the sum `total`, by shares (k,)."""
+    """Return whole numbers (k,) ≥ 1 with the sum total, about in proportion to shares (k,)."""
     wanted = (total - len(shares)) * shares / shares.sum()
     parts = np.floor(wanted).astype(np.int64)
     missing = total - len(shares) - int(parts.sum())
@@ -237,7 +237,7 @@ def _whole_parts(shares: Floats, total: int) -> Ints:
 
 
 def _marks_along(widths: Floats, counts: Ints, with_end: bool) -> Floats:
-    """Return marks along spans, each span in equal parts; widths, counts (k,): of the spans."""
+    """Return positions that divide each of k spans evenly; widths, counts (k,): of the spans."""
     lows = np.r_[0.0, np.cumsum(widths)[:-1]]
     marks = [low + width * np.arange(count) / count
              for low, width, count in zip(lows, widths, counts, strict=True)]  # fmt: skip
@@ -245,7 +245,7 @@ def _marks_along(widths: Floats, counts: Ints, with_end: bool) -> Floats:
 
 
 def _number_points_alike(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
-    """Return two curves as n points at equal distances, (n, 2) each, those of b renumbered."""
+    """Return two curves as n points, (n, 2) each, the second numbered to fit the first best."""
     if a.closed != b.closed:
         kinds = ["closed" if curve.closed else "open" for curve in (a, b)]
         raise FinloopError(
@@ -259,7 +259,7 @@ def _number_points_alike(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
         centred = first - first.mean(axis=0)
 
         def misfit(points: Floats) -> float:
-            """Return the summed squared distances of curve b's points from a's, about the means."""
+            """Return the sum of squared distances between points of b and of a, both centred."""
             return float(((centred - points + points.mean(axis=0)) ** 2).sum())
 
         return first, min(directions, key=misfit)
@@ -274,7 +274,7 @@ def _number_points_alike(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
 
 
 def misfit_by_start(first: Floats, second: Floats) -> Floats:
-    """Return how badly polygon b fits a from each of its points s on: Σ_i ‖a_i − b_{i+s}‖², (n,).
+    """Return how badly polygon b, started at each point s, fits a: Σ_i ‖a_i − b_{i+s}‖², (n,).
 
     first, second (n, 2): closed polygons a, b, which are centred first.
     """

@@ -1,4 +1,4 @@
-"""Which shapes of two drawings become each other: by file, by id, or by place and shape.
+"""Decide which shapes of two drawings become each other: by file, by id, or by place and form.
 
 A shape is a contour, or all contours of one path (`d`, `d#2` …). A file of pairs goes first; then
 equal ids belong together; the others of one kind, closed or open, are paired so that place, size
@@ -48,7 +48,7 @@ FORM = (
 
 @dataclass(frozen=True)
 class Pairing:
-    """Shapes of two drawings by id: which become which, which vanish, and which appear.
+    """Which shapes of a first drawing become which of a second, by id; which vanish, which appear.
 
     pairs: first → second; several of the first may become one. splits: first → several of the
     second. pins: corresponding points (k, 2, 2) of a pair, by the id of the first: k times a point
@@ -65,7 +65,7 @@ class Pairing:
 
     @property
     def summary(self) -> str:
-        """Return in words what was not paired by id; "" if all was."""
+        """Return in words which shapes were not paired by id; "" if all were."""
         merged = dict[str, list[str]]()
         for name in self.proposed:
             if name in self.pairs:
@@ -86,10 +86,10 @@ class Pairing:
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """A loader of YAML without keys that stand twice, of which YAML takes the last in silence."""
+    """A YAML loader that refuses a key that stands twice in a mapping."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Return the mapping that a node is; ConstructorError if it has a key twice."""
+        """Return the mapping of a node; ConstructorError if a key stands twice."""
         mapping = super().construct_mapping(node, deep)
         if len(mapping) < len(node.value):
             raise yaml.constructor.ConstructorError(
@@ -99,7 +99,7 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 def load_pairing(path: Path) -> Pairing:
-    """Load a file of pairs, YAML in the form FORM. FinloopError says what makes it none."""
+    """Return the pairs in a YAML file of the form FORM; FinloopError if it has another form."""
     try:
         text = path.read_text(encoding="utf-8")
         values: Any = yaml.load(text, _StrictLoader) or {}
@@ -137,14 +137,14 @@ def load_pairing(path: Path) -> Pairing:
 
 
 def _is_partner(value: object) -> bool:
-    """Return whether a value of `pairs` is an id, or a list of two ids or more."""
+    """Return whether a value under `pairs` is an id, or a list of at least two ids."""
     if isinstance(value, list):
         return len(value) > 1 and all(isinstance(name, str) for name in value)
     return isinstance(value, str)
 
 
 def pair_shapes(a: Drawing, b: Drawing, given: Pairing | None = None) -> Pairing:
-    """Return which shapes of drawing `a` become which of `b`, both of one size.
+    """Return which shapes of drawing `a` become which of `b`; the drawings have one size.
 
     given: goes first. FinloopError if it names a shape that is not there, or one twice.
     """
@@ -162,7 +162,7 @@ def pair_shapes(a: Drawing, b: Drawing, given: Pairing | None = None) -> Pairing
     proposed = list[str]()
 
     def still_left() -> tuple[list[str], list[str]]:
-        """Return the shapes of either drawing without a partner."""
+        """Return the ids of each drawing's shapes that have no partner yet."""
         taken = {*pairs.values(), *(name for names in splits.values() for name in names)}
         return (
             [name for name in left if name not in pairs and name not in splits],
@@ -205,7 +205,7 @@ def pair_shapes(a: Drawing, b: Drawing, given: Pairing | None = None) -> Pairing
 
 
 def _parts_by_id(name: str, others: Sequence[str]) -> list[str]:
-    """Return the ids that say they are parts of a shape, two or more: eye_left, eye-2, eyeRight."""
+    """Return ids, two or more, that begin with a shape's id: eye_left and eye-2 for eye."""
     part = re.compile(re.escape(name) + r"[^a-z].*", re.DOTALL)
     parts = [other for other in others if part.fullmatch(other)]
     return parts if len(parts) > 1 else []
@@ -217,7 +217,7 @@ def _parts_by_place(
     pairs: Mapping[str, str],
     left: Sequence[str],
 ) -> dict[str, list[str]]:
-    """Return which shapes that are left are parts of a shape whose partner is only another part.
+    """Return, by a shape's id, the shapes without a partner that are further parts of its partner.
 
     whole, parts: drawings and their shapes; pairs: from whole to parts; left: ids of parts. They
     have the fill of the partner, lie beside it, and together they fill the place of the whole.
@@ -255,7 +255,7 @@ def _fill_of(drawing: Drawing, name: str) -> Fill:
 
 
 def _box(contours: Sequence[Curve]) -> Points:
-    """Return the lowest and highest coordinates (2, 2) of contours."""
+    """Return the bounding box of contours: lowest and highest x and y, (2, 2)."""
     points = np.concatenate([curve.points for curve in contours])
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
@@ -273,7 +273,7 @@ def _common_area(first: Points, second: Points) -> Floats:
 
 
 def _common_share(first: Points, second: Points) -> Floats:
-    """Return the area (…) that boxes have in common, as a share of that which either has."""
+    """Return the common area (…) of boxes, divided by the area that they cover together."""
     common = _common_area(first, second)
     return np.asarray(common / np.maximum(_box_area(first) + _box_area(second) - common, 1e-300))
 
@@ -285,7 +285,7 @@ def shape_contours(drawing: Drawing) -> dict[str, list[Curve]]:
 
 
 def _require_shapes(shapes: Iterable[str], names: Sequence[str], which: str) -> None:
-    """Raise FinloopError if a name is none of a drawing's shapes, or is there twice."""
+    """Raise FinloopError if a name is not a shape of the drawing, or is there twice."""
     unknown = [name for name in names if name not in shapes]
     twice = sorted({name for name in names if names.count(name) > 1})
     if unknown or twice:
@@ -301,7 +301,7 @@ def _require_shapes(shapes: Iterable[str], names: Sequence[str], which: str) -> 
 def _pair_costs(
     first: Sequence[Sequence[Curve]], second: Sequence[Sequence[Curve]], side: float
 ) -> Floats:
-    """Return how badly shapes fit each other (n, m): place, size, and form of the largest contour.
+    """Return how badly each two shapes fit (n, m): by place, size, and form of the largest contour.
 
     side: of the picture. Infinite if one shape is open and the other closed.
     """
@@ -325,7 +325,7 @@ def _pair_costs(
 def _measure_shapes(
     shapes: Sequence[Sequence[Curve]],
 ) -> tuple[Complexes, Floats, Complexes, list[str]]:
-    """Return mean (n,), size (n,) and form (n, POINTS) of each shape's largest contour, and kinds.
+    """Return mean (n,), size (n,), form (n, POINTS) and kind of each shape's largest contour.
 
     Means and forms are complex, x + i y. A form has mean 0 and size 1 (RMS radius), and a closed
     one runs clockwise. A kind says whether contours are open or closed.
@@ -349,7 +349,7 @@ def _extent(curve: Curve) -> float:
 def match_drawings(
     a: Drawing, b: Drawing, path: Path | None = None
 ) -> tuple[Drawing, Drawing, str]:
-    """Return two drawings of one size and with the same ids, and in words what was paired.
+    """Return two drawings with one size and the same ids, and in words how they were paired.
 
     b: is fitted into the picture of a; path: of a file of pairs, None = there is none.
     """
@@ -365,7 +365,7 @@ def match_drawings(
 
 
 class _Row(NamedTuple):
-    """A shape of both drawings: its id, and on either side its source, contours and cuts."""
+    """A shape that becomes another: its id, and for each drawing its origin, contours and cuts."""
 
     name: str
     sources: tuple[str | None, str | None]  # ids in the drawings; None = it is not there
@@ -374,7 +374,7 @@ class _Row(NamedTuple):
 
 
 def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Drawing]:
-    """Return two drawings whose shapes have the ids of the first, as `morph_drawings` takes them.
+    """Return two drawings with the shapes and ids of the first, as `morph_drawings` takes them.
 
     A shape that vanishes is in the second as small as a point, one that appears in the first. It
     lies above the shape that is below it in the second drawing. A shape that becomes several is cut
@@ -418,7 +418,7 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
 
 
 def _require_pins(pins: Iterable[str], rows: Sequence[_Row]) -> None:
-    """Raise FinloopError unless each shape with pins is one row with a partner."""
+    """Raise FinloopError unless each shape with pins becomes exactly one other."""
     whole = {
         row.name
         for row in rows
@@ -437,7 +437,7 @@ def _require_pins(pins: Iterable[str], rows: Sequence[_Row]) -> None:
 def _join_shapes(
     first: tuple[Drawing, Sequence[str]], second: tuple[Drawing, Sequence[str]]
 ) -> list[_Row]:
-    """Return the rows of shapes that become others: one pair, or one and several.
+    """Return the rows of shapes that become each other: one and one, or one and several.
 
     first, second: drawings, and the ids of their shapes. FinloopError if a shape cannot be cut.
     """
@@ -473,7 +473,7 @@ def _join_regions(
     a: Drawing, b: Drawing,
     first: Sequence[tuple[str, Region]], second: Sequence[tuple[str, Region]],
 ) -> list[_Row]:  # fmt: skip
-    """Return the rows of regions that become others, with the ids of their shapes."""
+    """Return the rows of regions that become each other, with the ids of their shapes."""
     sources = {id(region.outer): name for name, region in (*first, *second)}
     several = len({name for name, _ in second}) > 1
     rows = list[_Row]()
@@ -503,7 +503,7 @@ def _join_lines(
     first: Sequence[tuple[str, list[Curve]]],
     second: Sequence[tuple[str, list[Curve]]],
 ) -> list[_Row]:
-    """Return the rows of an open curve that becomes several, or of several that become one."""
+    """Return the rows of one open curve that becomes several, or of several that become one."""
     if any(len(curves) > 1 or curves[0].closed for _, curves in (*first, *second)):
         raise FinloopError(
             f"shape {names!r}: one shape that becomes several, some of them open",
@@ -523,7 +523,7 @@ def _join_lines(
 
 
 def _take_side(drawing: Drawing, other: Drawing, rows: Sequence[_Row], side: int) -> Drawing:
-    """Return a drawing with the shapes of rows, those of the other drawing as small as points.
+    """Return one of two drawings with the shapes of all rows; those that it lacks are points.
 
     side: 0 for the first drawing, 1 for the second.
     """
@@ -550,7 +550,7 @@ def _take_side(drawing: Drawing, other: Drawing, rows: Sequence[_Row], side: int
 
 
 def _unused_name(name: str, used: Collection[str]) -> str:
-    """Return a name that is not used yet: itself, or with a number."""
+    """Return a name that is not used yet: the given one, or that with a number."""
     number, unique = 1, name
     while unique in used:
         number += 1
@@ -559,10 +559,10 @@ def _unused_name(name: str, used: Collection[str]) -> str:
 
 
 def _find_middle(contours: Sequence[Curve]) -> Points:
-    """Return the middle (2,) of the largest contour of a shape."""
+    """Return the middle (2,) of the largest of a shape's contours."""
     return resample_curve(max(contours, key=_extent), POINTS).points.mean(axis=0)
 
 
 def _shrink(curve: Curve, middle: Points) -> Curve:
-    """Return a curve scaled by POINT about a point (2,)."""
+    """Return a curve shrunk to about a point: scaled by POINT about a centre (2,)."""
     return Curve(middle + (curve.points - middle) * POINT, curve.closed)

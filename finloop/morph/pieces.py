@@ -1,4 +1,4 @@
-"""The pieces of a drawing, each a silhouette that carries the contours in it.
+"""Find the pieces of a drawing: silhouettes, each with the contours that lie in it.
 
 A piece is what hangs together: its silhouette is the outline around all of it, with its strokes.
 A contour follows the silhouette by mean value coordinates (Floater 2003; Hormann & Floater 2006),
@@ -23,14 +23,14 @@ MOST_PIECES = 100
 
 @dataclass(frozen=True)
 class DrawingPieces:
-    """The pieces of a drawing: their silhouettes, closed, and of each contour the piece by id."""
+    """The silhouettes of a drawing's pieces, closed, and the piece of each contour by id."""
 
     silhouettes: tuple[Curve, ...]
     piece_of: dict[str, int]
 
 
 def find_pieces(drawing: Drawing) -> DrawingPieces:
-    """Return the pieces of a drawing; FinloopError if there are more than MOST_PIECES."""
+    """Return the pieces of a drawing, which do not touch; FinloopError if more than MOST_PIECES."""
     widths = {name: _line_width(drawing, name) for name in drawing.curves}
     low = np.min([c.points.min(axis=0) - widths[k] for k, c in drawing.curves.items()], axis=0)
     high = np.max([c.points.max(axis=0) + widths[k] for k, c in drawing.curves.items()], axis=0)
@@ -73,7 +73,7 @@ def find_pieces(drawing: Drawing) -> DrawingPieces:
 def _piece_at(
     labels: np.ndarray, pixel: np.ndarray, rank: Mapping[int, int], largest: Mapping[int, Points]
 ) -> int:
-    """Return which piece a pixel (2,) belongs to: also of what lies in a hole of another."""
+    """Return the number of the piece that a pixel (2,) belongs to, also in a hole of a piece."""
     label = int(labels[pixel[1], pixel[0]]) - 1
     if label in rank:
         return rank[label]
@@ -92,7 +92,7 @@ def _line_width(drawing: Drawing, name: str) -> float:
 
 
 def mean_value_weights(points: Floats, polygon: Floats) -> Floats:
-    """Return the weights (m, n) by which points (m, 2) follow the corners of a polygon (n, 2).
+    """Return weights (m, n) that express points (m, 2) by the corners of a polygon (n, 2).
 
     Each row sums to 1, and `weights @ polygon` is `points`. w_i = (tan(α_{i−1}/2) + tan(α_i/2)) /
     r_i, where r_i is the distance of corner i, and α_i the angle under which edge i is seen.

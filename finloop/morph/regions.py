@@ -1,4 +1,4 @@
-"""Regions with holes: which contours of two regions correspond, and small holes that give way.
+"""Pair regions with holes and their contours; keep small holes away from other contours.
 
 A region is one closed contour and the holes in it, as of the letters d and B. Its contours lie one
 after the other in one array of vertices, the outer one first (`ContourLayout`).
@@ -33,7 +33,7 @@ PinsOfPair = Callable[[Curve, Curve], Pins | None]
 
 
 def no_pins(_a: Curve, _b: Curve) -> None:
-    """Return no pins, whatever the contours."""
+    """Return no pins, whichever contours are given."""
 
 
 class Region(NamedTuple):
@@ -44,7 +44,7 @@ class Region(NamedTuple):
 
 
 def split_regions(contours: Sequence[Curve]) -> list[Region]:
-    """Return the regions that closed contours make, the largest first.
+    """Return the regions, outer contour and holes, that closed contours enclose, largest first.
 
     By the even-odd rule a contour within an odd number of others is a hole, of the smallest region
     around it; any other one begins a region. FinloopError if there is no contour, or one of them is
@@ -92,7 +92,7 @@ def _require_apart(contours: Sequence[Curve]) -> None:
 
 
 def pair_regions(a: Sequence[Curve], b: Sequence[Curve]) -> list[tuple[Region, Region]]:
-    """Return the regions of two shapes in pairs, such as the dots and stems of i and j.
+    """Return the regions of two shapes in pairs by place, such as the dots and stems of i and j.
 
     Pairs are by place in the shapes' boxes, so that the sum of distances is least. FinloopError if
     one shape has more separate regions than the other, or a contour is open.
@@ -111,7 +111,7 @@ def pair_regions(a: Sequence[Curve], b: Sequence[Curve]) -> list[tuple[Region, R
 def group_regions(
     first: Sequence[Region], second: Sequence[Region]
 ) -> list[tuple[list[Region], list[Region]]]:
-    """Return which regions become which: one becomes one, or several, or several become one.
+    """Return which regions become which; one may become several, or several one.
 
     Pairs are by place in the boxes around all of them, so that the sum of distances is least. A
     region that is left goes to the nearest one of the other side, which becomes several.
@@ -168,20 +168,20 @@ def match_regions(
 
 
 def _nearest_pairs(places: Points, other_places: Points) -> list[tuple[int, int]]:
-    """Return pairs of places (k, 2) and other ones (m, 2) with the least sum of distances."""
+    """Return pairs of rows of positions (k, 2) and (m, 2) with the least sum of distances."""
     distances = np.hypot(*(places[:, None] - other_places).transpose(2, 0, 1))
     rows, columns = scipy.optimize.linear_sum_assignment(distances)
     return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
 def _place_in_box(point: Points, outer: Points) -> Points:
-    """Return a point (2,) in shares of the bounding box of a contour (n, 2)."""
+    """Return where a point (2,) lies in a contour's bounding box, in shares 0–1 of its sides."""
     low = outer.min(axis=0)
     return np.asarray((point - low) / np.maximum(np.ptp(outer, axis=0), 1e-300))
 
 
 def _new_hole(hole: Points, place: Points, contours: Sequence[Points]) -> Points:
-    """Return a hole (n, 2) as small as a point, in a region, as near to a place as it has room.
+    """Return a new hole (n, 2), as small as a point, near a position in a region.
 
     hole (n, 2): its shape; place (2,): in shares of the outer contour's box; contours: those of the
     region, the outer one first.
@@ -203,7 +203,7 @@ def _new_hole(hole: Points, place: Points, contours: Sequence[Points]) -> Points
 
 
 def _places_inside(contours: Sequence[Points]) -> Points:
-    """Return places (k, 2) inside a region, on lines across it.
+    """Return points (k, 2) inside a region, spread along horizontal lines across it.
 
     contours (n, 2): of the region, the outer one first.
     """

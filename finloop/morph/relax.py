@@ -1,4 +1,4 @@
-"""Frames of a morph that are distorted less: as-rigid-as-possible shapes between two shapes.
+"""Make the frames of a morph less distorted: as-rigid-as-possible shapes between two shapes.
 
 Every triangle of a shape becomes one of the other by a rotation and a stretch S. In the frame at
 the share τ of the way its map should be (1 − τ) I + τ S and a rotation, any one. The frame
@@ -21,7 +21,7 @@ FLAT = 1e-9  # area of a triangle, as a share of its shape's, that counts as non
 
 
 def find_relaxing_moves(stack: Points, layout: ContourLayout) -> Points | None:
-    """Return moves (f, n, 2) that lower the energy of frames of closed contours (f, n, 2).
+    """Return displacements (f, n, 2) that make frames of closed contours (f, n, 2) less distorted.
 
     The first and the last frame stay. Nothing keeps the moved contours from folding. None if the
     contours are too fine for triangles between COARSE points of each.
@@ -66,7 +66,7 @@ def find_relaxing_moves(stack: Points, layout: ContourLayout) -> Points | None:
 
 
 def _blend_stretches(gradients: Complex, other: Complex, tau: Floats) -> tuple[Floats, Complex]:
-    """Return what maps of triangles turn and mirror, (t, k) each, at shares tau (k,) of the way.
+    """Return the turning and mirroring parts (t, k) of each triangle's stretch at shares tau (k,).
 
     gradients (t, n): of a shape; other (n,): its vertices in the other shape. The stretch S of each
     triangle grows evenly, from none to that of the other shape: (1 − τ) I + τ S.
@@ -85,7 +85,7 @@ def _relax_places(
     turning_goals: Floats,
     mirroring_goals: Complex,
 ) -> Complex:
-    """Return places (n, k) of vertices in k frames, moved towards those of least energy.
+    """Return the positions (n, k) of vertices in k frames after one step to lower energy.
 
     gradients (t, n): see `_shape_gradients`; areas (t,): of triangles; weights (t, k): their areas
     times the weight of their shape in a frame; goals (t, k): stretches, up to a rotation. The
@@ -109,7 +109,7 @@ def _relax_places(
 
 
 def _shape_gradients(points: Points, sizes: list[int]) -> tuple[Complex, Floats] | None:
-    """Return gradients (t, n) and areas (t,) of the triangles within contours (n, 2).
+    """Return gradients (t, n) and areas (t,) of triangles within contours (n, 2); None if none.
 
     Row t times the values at the vertices is ∂x + i ∂y of the linear function in triangle t. A map
     z ↦ w, both complex, turns and stretches by half its conjugate times w, and mirrors by half of

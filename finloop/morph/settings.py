@@ -43,7 +43,7 @@ class MorphSettings:
     }
 
     def __post_init__(self) -> None:
-        """Raise ValueError for points that cannot be halved, a wrong force, or one without use."""
+        """Raise ValueError for points that are no power of two, or a wrong or useless force."""
         if self.contour_points & (self.contour_points - 1):
             raise ValueError("contour_points is no power of two")
         if self.contour_points >> self.level < 4:

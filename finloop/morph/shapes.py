@@ -1,4 +1,4 @@
-"""Corresponding points of two shapes: their contours in pairs, for every method alike."""
+"""Pair the contours of two shapes, and number their points so that they correspond."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ def match_shapes(
     a: Sequence[Curve], b: Sequence[Curve], points: int, resolution: Resolution = FULL,
     pins: Pins | None = None, strict: bool = True,
 ) -> list[tuple[Points, Points, ContourLayout]]:  # fmt: skip
-    """Return the contours of two shapes as corresponding points (n, 2), in parts that stay apart.
+    """Return the contours of two shapes as corresponding points (n, 2), for each separate part.
 
     A part is one contour, or a region: its outer contour and its holes, side by side. strict:
     whether contours that meet are refused; else they pair in their order, as open ones do.
@@ -41,7 +41,7 @@ def match_shapes(
 def _pair_parts(
     a: Sequence[Curve], b: Sequence[Curve], strict: bool
 ) -> list[tuple[Region, Region]] | list[tuple[Curve, Curve]]:
-    """Return the parts of two shapes in pairs: regions by place, other contours in their order."""
+    """Return the parts of two shapes in pairs: regions by place, open contours in their order."""
     if max(len(a), len(b)) > 1 and all(curve.closed for curve in (*a, *b)):
         try:
             return pair_regions(a, b)
@@ -58,10 +58,10 @@ def _pair_parts(
 
 
 class _PinnedContours:
-    """The pins of two shapes, by the contours that are nearest to them."""
+    """The pins of two shapes, sorted by the two contours that each pin joins."""
 
     def __init__(self, a: Sequence[Curve], b: Sequence[Curve], pins: Pins | None) -> None:
-        """Find the contours of all pins."""
+        """Find the contour nearest to either end of each pin."""
         self._pins = pins or Pins(np.zeros((0, 2)), np.zeros((0, 2)))
         self._contours = [
             [_nearest_contour(place, curves) for place in side]
@@ -70,7 +70,7 @@ class _PinnedContours:
         self._left = set(range(len(self._pins.first)))
 
     def take(self, first: Curve, second: Curve) -> Pins | None:
-        """Return the pins that join two contours."""
+        """Return the pins that join two contours, and mark them as used; None if there are none."""
         rows = [
             row
             for row, (one, other) in enumerate(zip(*self._contours, strict=True))
@@ -80,7 +80,7 @@ class _PinnedContours:
         return Pins(self._pins.first[rows], self._pins.second[rows]) if rows else None
 
     def require_none_left(self) -> None:
-        """Raise FinloopError if pins join contours that do not correspond."""
+        """Raise FinloopError if a pin is unused: it joins contours that do not correspond."""
         if self._left:
             places = [side[min(self._left)].round(2).tolist() for side in self._pins]
             raise FinloopError(

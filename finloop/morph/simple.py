@@ -1,4 +1,4 @@
-"""A morph between two simple curves whose frames are all simple (the curve paper's §4.1 claim).
+"""Morph between two simple curves so that every frame is simple (claim of curve paper §4.1).
 
 It is also one between two regions, each a curve and the holes in it, none of which meet
 (see the module `regions`). A path between two curves always exists; holes may block each other.
@@ -65,7 +65,7 @@ NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between
 def morph_without_folds(
     a: Curve, b: Curve, frames: int, points: int, resolution: Resolution = FULL
 ) -> Points:
-    """Return the frames (frames, points, 2) of a morph of curve a into b; none meets itself.
+    """Return a morph (frames, points, 2) of curve a into b in which no frame crosses itself.
 
     The ends are a and b, resampled, at a resolution. FinloopError if one curve is open and the
     other closed, if a curve, resampled, meets itself, or if its parts are too near each other.
@@ -81,7 +81,7 @@ def morph_regions_without_folds(
     points: int,
     resolution: Resolution = FULL,
 ) -> list[Points]:
-    """Return the frames (frames, points, 2) of each contour of a shape that turns into another.
+    """Return the morph (frames, points, 2) of each contour of a shape into another, without folds.
 
     a, b: the closed contours of the shapes, in any order: regions, each one contour and its holes.
     The result has the regions one after the other, the outer contour of each first. In no frame
@@ -103,7 +103,7 @@ def morph_regions_without_folds(
 def morph_contours(
     first: Points, second: Points, layout: ContourLayout, frames: int, pinned: bool = False
 ) -> Points:
-    """Return the frames (frames, n, 2) of a morph of contours (n, 2) into others; none meet.
+    """Return a morph (frames, n, 2) between contours (n, 2) that never meet.
 
     pinned: whether every point keeps its number; else another point may be the first of the outer
     contour, if the path is shorter.
@@ -133,13 +133,13 @@ def morph_contours(
 
 
 def path_lengths(poses: Points) -> Points:
-    """Return the mean distance (k,) that the vertices have moved up to each pose (k, n, 2)."""
+    """Return the mean distance (k,) that vertices have moved up to each of the poses (k, n, 2)."""
     steps = np.hypot(*np.moveaxis(np.diff(poses, axis=0), 2, 0)).mean(axis=1)
     return np.r_[0.0, np.cumsum(steps)]
 
 
 def _find_simple_path(first: Points, second: Points, layout: ContourLayout, pinned: bool) -> Points:
-    """Return poses (k, n, 2) from contours (n, 2) to others; no motion from pose to pose folds.
+    """Return poses (k, n, 2) from contours (n, 2) to others; straight motion between has no fold.
 
     Both are simplified step by step, and the path is the shortest one on which a straight motion
     joins a pose of each. If none can be joined, it leads through the last, simplest ones. pinned:
@@ -163,7 +163,7 @@ def _find_simple_path(first: Points, second: Points, layout: ContourLayout, pinn
 
 
 def _candidate_starts(a: Points, b: Points) -> list[int]:
-    """Return the points of polygon b that may correspond to point 0 of a: 0, and the best fits.
+    """Return the vertices of polygon b that may correspond to vertex 0 of a: 0, and the best fits.
 
     a, b (k, n, 2): poses of both, simplified step by step. A fit is a local minimum of the misfit.
     """
@@ -220,7 +220,7 @@ def _find_shortest_path(
 
 
 def _simplify_contours(points: Points, layout: ContourLayout) -> Points:
-    """Return poses (k, n, 2) from contours (n, 2) to simple shapes, without folds in between.
+    """Return poses (k, n, 2) from contours (n, 2) to ever simpler ones, without folds in between.
 
     The last is a round polygon with small round holes, or a triangle; of an open curve, a line.
     FinloopError if the contours' parts are too near each other to be kept apart.
@@ -254,7 +254,7 @@ def _pose_distances(a: Points, b: Points) -> Points:
 
 @kernel
 def _straight_motion_is_simple(first: Points, second: Points, following: Ints) -> bool:
-    """Return whether it is proved that contours (n, 2) that move straight to others never meet.
+    """Return whether contours (n, 2) that move straight to others are proved never to meet.
 
     The motion is tested in PARTS steps.
     """
@@ -293,7 +293,7 @@ def _frames_along_path(poses: Points, frames: int, layout: ContourLayout) -> Poi
 
 
 def _relax_frames(stack: Points, layout: ContourLayout) -> Points:
-    """Return frames (f, n, 2) of closed contours that are distorted less, and make no fold either.
+    """Return less distorted frames (f, n, 2) of closed contours that still have no fold.
 
     They have the largest of the shares RELAX of the moves to shapes as rigid as possible.
     """
@@ -320,7 +320,7 @@ def _smooth_in_time(stack: Points, width: float) -> Points:
 
 
 def _limit_areas(stack: Points, layout: ContourLayout) -> Points:
-    """Return frames (f, n, 2), scaled so that their areas lie between those of the ends.
+    """Return frames (f, n, 2), each scaled so that its area lies between those of the two ends.
 
     The areas are those within the first contour.
     """
@@ -335,7 +335,7 @@ def _limit_areas(stack: Points, layout: ContourLayout) -> Points:
 
 
 def _has_simple_motion(stack: Points, layout: ContourLayout) -> bool:
-    """Return whether it is proved that the motion from frame to frame (f, n, 2) makes no fold.
+    """Return whether the motion from frame to frame (f, n, 2) is proved to make no fold.
 
     In a straight motion an edge that turns round has length 0 for a moment, which is a fold. So the
     motion may also be one that strays from the straight one by up to NUDGE of the mean edge length.
@@ -381,12 +381,12 @@ def _smooth_contour(points: Points, closed: bool) -> Points:
 
 
 def _resize_polygon(points: Points, area: float) -> Points:
-    """Return a polygon (n, 2) scaled about the mean of its vertices to a signed area."""
+    """Return a polygon (n, 2) scaled about its mean vertex to a given signed area."""
     return _resize_contours(points, slice(None), area)
 
 
 def _resize_contours(points: Points, outer: slice, area: float) -> Points:
-    """Return contours (n, 2) scaled together, until one of them, `outer`, has a signed area.
+    """Return contours (n, 2) scaled together so that the contour `outer` has a given signed area.
 
     They are scaled about the mean of its vertices.
     """
@@ -396,7 +396,7 @@ def _resize_contours(points: Points, outer: slice, area: float) -> Points:
 
 
 def round_off_contours(points: Points, layout: ContourLayout) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) from closed contours (n, 2) to round ones, and whether they are round.
+    """Return poses (k, n, 2) from closed contours to round ones, and whether these were reached.
 
     The steps are curve shortening of all contours at once, which keeps them apart. All poses have
     the same area within the first contour. A hole shrinks until it is small; from then on it keeps
@@ -442,7 +442,7 @@ def _edge_lengths(points: Points) -> Floats:
 
 
 def _are_small_and_round(pose: Points, holes: Sequence[slice], least: Floats) -> bool:
-    """Return whether all holes of a pose (n, 2) are round, and about as small as least (h,)."""
+    """Return whether all holes of a pose (n, 2) are round, of areas not much above least (h,)."""
     for hole, least_area in zip(holes, least, strict=True):
         area = abs(signed_area(Curve(pose[hole], closed=True)))
         length = _edge_lengths(pose[hole]).sum()
@@ -474,7 +474,7 @@ def _implicit_step(points: Points, step: float) -> Points:
 
 
 def cut_ears(points: Points) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) of a simple polygon up to a triangle, and whether the last is one.
+    """Return poses (k, n, 2) from a simple polygon to a triangle, and whether that was reached.
 
     Each step straightens one corner (an "ear") and restores the area, so k is n − 2. Only rounding
     can stop the method before the triangle.
@@ -504,7 +504,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
 
 
 def straighten_curve(points: Points) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) from an open simple curve (n, 2) to a line, and whether it is one.
+    """Return poses (k, n, 2) from an open simple curve to a line, and whether it was reached.
 
     A line is a curve whose edges all run within 45° of its chord. The poses are ever shorter parts
     about the curve's middle, enlarged to its length.
@@ -538,7 +538,7 @@ def _is_straight(points: Points) -> bool:
 
 
 def _join_simplified_contours(first: Points, second: Points, layout: ContourLayout) -> Points:
-    """Return poses (JOIN, n, 2) without folds from simplified contours (n, 2) to others.
+    """Return poses (JOIN, n, 2) without folds between two simplified sets of contours (n, 2).
 
     Small holes keep their place in the round contour around them, or move straight or round in it
     to their place in the other one. FinloopError if they meet on every such course.
@@ -579,7 +579,7 @@ def _join_simplified_contours(first: Points, second: Points, layout: ContourLayo
 
 
 def _disc(polygon: Points) -> Floats:
-    """Return centre x, y and radius (3,) of the disc with a polygon's area, about its centroid."""
+    """Return centre x, y and radius, (3,), of a disc at a polygon's centroid with its area."""
     area = abs(signed_area(Curve(polygon, closed=True)))
     return np.array([*area_centroids(polygon), np.sqrt(area / np.pi)])
 

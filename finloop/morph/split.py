@@ -1,4 +1,4 @@
-"""One shape that becomes several: it is cut into pieces, one for each of them.
+"""Cut one shape into pieces, one for each of the several shapes that it becomes.
 
 A region is cut along chords, in two again and again. Of all chords within it, the best is short,
 gives both sides their share of the area, and lies across the direction in which they part. An open
@@ -24,7 +24,7 @@ OVERLAP_END = 0.02  # of a cut: within that of both ends, pieces do not overlap
 
 
 class Piece(NamedTuple):
-    """A piece of a region; cuts: ends (k, 2, 2) of the edges of its outer contour along cuts."""
+    """A piece of a region; cuts: ends (k, 2, 2) of the edges of its outline that lie along cuts."""
 
     region: Region
     cuts: Points | None  # None for a whole region
@@ -39,7 +39,7 @@ class _Part(NamedTuple):
 
 
 def split_region(region: Region, goals: Sequence[Region], overlap: float = 0.0) -> list[Piece]:
-    """Return pieces of a region, one for each of the regions that it becomes, in their order.
+    """Return pieces of a region, one for each of the goal regions, in their order.
 
     overlap: how far pieces reach beyond their cuts, which hides the seams of filled ones.
     FinloopError if no straight cut within the region leaves its holes whole.
@@ -49,7 +49,7 @@ def split_region(region: Region, goals: Sequence[Region], overlap: float = 0.0) 
     parts = dict[int, _Part]()
 
     def cut_part(part: _Part, wanted: Sequence[int]) -> None:
-        """Cut a part until each of the wanted goals has one."""
+        """Cut a part in two, again and again, until each of the wanted goals has a part."""
         if len(wanted) == 1:
             parts[wanted[0]] = part
             return
@@ -72,7 +72,7 @@ def split_region(region: Region, goals: Sequence[Region], overlap: float = 0.0) 
 
 
 def split_line(line: Curve, goals: Sequence[Curve]) -> list[Curve]:
-    """Return parts of an open curve, one for each of the open curves that it becomes.
+    """Return pieces of an open curve, one for each of the goal curves, in their order.
 
     They lie along it in the order of the goals, which is that of the places nearest to them, and
     have their shares of the length.
@@ -105,7 +105,7 @@ def _centre(region: Region) -> Points:
 
 
 def _cut_in_two(part: _Part, share: float, direction: Points) -> tuple[_Part, _Part]:
-    """Return the two sides of a part, cut along the best chord.
+    """Return the two sides of a part, cut along the chord that fits share and direction best.
 
     share: of the area that the first side gets; direction (2,): from the first to the second.
     """
@@ -139,7 +139,7 @@ def _cut_in_two(part: _Part, share: float, direction: Points) -> tuple[_Part, _P
 
 
 def _mark_outline(part: _Part) -> tuple[_Part, list[int]]:
-    """Return a part with PLACES points at equal distances in its outline, and their numbers."""
+    """Return a part with PLACES evenly spaced points added to its outline, and their rows."""
     points = np.concatenate([part.outline, part.outline[:1]])
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
     equal = np.linspace(0, 1, PLACES, endpoint=False)
@@ -153,7 +153,7 @@ def _mark_outline(part: _Part) -> tuple[_Part, list[int]]:
 
 
 def _sides_of_chords(marks: Points) -> tuple[Floats, Points, float]:
-    """Return area (n, n) and centre (n, n, 2) of the side i … j of each chord; the whole area.
+    """Return area (n, n) and centre (n, n, 2) of the side i … j of each chord, and the whole area.
 
     marks (n, 2): of an outline. Areas have the sign of the whole.
     """
@@ -175,14 +175,14 @@ def _sides_of_chords(marks: Points) -> tuple[Floats, Points, float]:
 
 
 def _is_chord_inside(ends: Points, part: _Part) -> bool:
-    """Return whether a chord, its ends (2, 2) on the outline, is within a part and no hole."""
+    """Return whether a chord, its ends (2, 2) on the outline, stays in a part, off its holes."""
     inner = ends.mean(axis=0) + (ends - ends.mean(axis=0)) * (1 - 1e-6)
     contours = [part.outline, *(hole.points for hole in part.holes)]
     start = np.concatenate(contours)
     end = np.concatenate([np.roll(contour, -1, axis=0) for contour in contours])
 
     def side(a: Points, b: Points, c: Points) -> Floats:
-        """Return on which side of the line a → b the point c lies."""
+        """Return on which side of the line a → b point c lies, by sign."""
         return np.asarray(
             (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1])
             - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
@@ -197,7 +197,7 @@ def _is_chord_inside(ends: Points, part: _Part) -> bool:
 
 
 def _take_side(part: _Part, first: int, last: int) -> _Part:
-    """Return the side of a part from one point of its outline to another, closed by the cut."""
+    """Return the side of a part between two points of its outline, closed by a cut."""
     numbers = np.arange(first, last + 1 + (last < first) * len(part.outline)) % len(part.outline)
     outline, is_cut = part.outline[numbers], part.is_cut[numbers]
     is_cut[-1] = True
@@ -208,7 +208,7 @@ def _take_side(part: _Part, first: int, last: int) -> _Part:
 
 
 def _as_piece(part: _Part, whole: Curve, overlap: float) -> Piece:
-    """Return a part as a piece that reaches beyond its cuts; whole: the outline of the region."""
+    """Return a part as a piece that reaches beyond its cuts by overlap; whole: region's outline."""
     outline, is_cut = part.outline, part.is_cut
     edges = np.roll(outline, -1, axis=0) - outline
     before = np.roll(edges, 1, axis=0)

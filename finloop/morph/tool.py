@@ -91,14 +91,14 @@ def _write_morph(options: argparse.Namespace) -> str:
 
 
 def _curve_options(options: argparse.Namespace) -> tuple[Resolution, PhysicalOptions]:
-    """Return at which level curves are solved, and of which material they are."""
+    """Return the resolution and the material that the command line's options ask for."""
     return Resolution(options.level, options.wavelet or FULL.wavelet), PhysicalOptions(
         options.elastic, options.damping, options.mass, options.stiffness_damping
     )
 
 
 def _write_trial_page(options: argparse.Namespace, frames: int, points: int) -> str:
-    """Write the trial page of the morph that the command line's options describe, and summarise.
+    """Write the trial page that the command line's options describe; return its summary.
 
     FinloopError without a second drawing, or with an option that a page has no use for.
     """
@@ -121,7 +121,7 @@ def _write_trial_page(options: argparse.Namespace, frames: int, points: int) -> 
 
 
 def _summarise_morph(result: Morph) -> str:
-    """Return a line for the user: how many contours and frames a morph has, and where it folds."""
+    """Return a line for the user: numbers of contours and frames of a morph, and where it folds."""
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "
     if folded := result.count_fold_frames():

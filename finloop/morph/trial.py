@@ -1,4 +1,4 @@
-"""The trial page of a morph: which shapes become each other, by which method, with which weights.
+"""Build the trial page of a morph, on which to try pairs of shapes, methods and weights.
 
 One HTML file without a server. The frames of all pairs that it can show are computed here; the page
 plays them, and writes the file of pairs and the command for what the user has chosen.
@@ -34,7 +34,7 @@ Json = dict[str, Any]
 
 
 class TrialOptions(NamedTuple):
-    """How the morphs of the page are made."""
+    """How the morphs on the trial page are computed."""
 
     frames: int
     points: int
@@ -89,7 +89,7 @@ def build_trial_page(
 
 
 def _keep_single_pairs(pairing: Pairing) -> tuple[Pairing, str]:
-    """Return pairs of one shape and one, and in words what is left out; "" if nothing is.
+    """Return a pairing of one shape to one, and in words what it leaves out; "" if nothing.
 
     Of several shapes that one becomes, or that become one, the first keeps its partner.
     """
@@ -113,19 +113,19 @@ def _keep_single_pairs(pairing: Pairing) -> tuple[Pairing, str]:
 
 
 def _pack(content: bytes) -> str:
-    """Return bytes as text for a page: compressed, in base64."""
+    """Return bytes as text for a page: compressed and in base64."""
     return base64.b64encode(zlib.compress(content, 9)).decode()
 
 
 class _Geometry:
-    """All coordinates of the page, as whole steps of a grid: each frame minus the one before."""
+    """Stores the page's coordinates as whole steps of a grid, each frame minus the one before."""
 
     def __init__(self, grid: float) -> None:
         """Start without coordinates; grid: size of a step, in units of the drawing."""
         self.grid, self.size, self.parts = grid, 0, list[bytes]()
 
     def add(self, stack: Sequence[np.ndarray]) -> Json:
-        """Add contours, (f, n, 2) each; return where they begin and how many frames they have.
+        """Store contours, (f, n, 2) each; return where they are stored and in how many frames.
 
         Frames that are evenly between the first and the last are left out: the page blends.
         """
@@ -142,14 +142,14 @@ class _Geometry:
         return place
 
     def to_bytes(self) -> bytes:
-        """Return all that was added, as int16, lowest byte first."""
+        """Return all stored coordinates as int16, lowest byte first."""
         return b"".join(self.parts)
 
 
 def _choose_candidates(
     a: Drawing, b: Drawing, pairing: Pairing
 ) -> list[tuple[str | None, str | None]]:
-    """Return the pairs of shapes that the page can show, with None for none.
+    """Return the pairs of shapes offered on the page; None stands for no partner.
 
     Each shape of the first drawing has the PARTNERS nearest ones of the second, and the one that it
     is paired with.
@@ -173,7 +173,7 @@ def _candidate(
     a: Drawing, b: Drawing, first: str | None, second: str | None, geometry: _Geometry,
     options: TrialOptions,
 ) -> Json:  # fmt: skip
-    """Return what the page knows of a pair of shapes: paints, and motions by every method.
+    """Return the page's data of a pair of shapes: paints, and a motion by every method.
 
     first, second: their ids; None for a shape that appears, or vanishes.
     """
@@ -226,7 +226,7 @@ def _take_shape(drawing: Drawing, shape: str | None) -> Drawing:
 
 
 def _list_paints(morph: Morph) -> list[Json]:
-    """Return the paints of a morph's only shape, of every frame, or one if all are equal."""
+    """Return the paint of a morph's only shape in every frame, or one if all are equal."""
     paints = [_paint_values(shape.paint) for shape in painted_frames(morph)[0]]
     return paints[:1] if all(paint == paints[0] for paint in paints) else paints
 
