@@ -1,7 +1,5 @@
 """Pictures of `animate`: speed, turn rate and states beside the film's; the paths."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 import pandas as pd
@@ -37,7 +35,3 @@ def main() -> None:
                 name = "path.png" if fish == paths["fish"].min() else f"path-{fish + 1}.png"
                 departed = departures[departures["fish"] == fish]
                 save_figure(folder / name, draw_path(path, departed, background))
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,7 +1,5 @@
 """Pictures of `bpn`: the error per epoch (Fig. 15), and predictions beside the truth."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 import pandas as pd
@@ -20,7 +18,3 @@ def main() -> None:
     save_figure(REPORT / "fig15.png", figure15(pd.read_csv("reports/bpn/curve.csv")))
     predicted_figure = draw_held_out_predictions(held_out[:, :2], held_out[:, 2:])
     save_figure(REPORT / "held_out.png", predicted_figure)
-
-
-if __name__ == "__main__":
-    run(main)

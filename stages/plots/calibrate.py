@@ -1,7 +1,5 @@
 """Picture of `calibrate`: distances and alignment of fish, in the film and by the zones."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.io.picture import save_figure
@@ -24,7 +22,3 @@ def main() -> None:
         if (path := FOLDER / f"{name}.parquet").exists():
             groups[title] = load_table(path, SCHOOL)
     save_figure(Path("reports/film/calibrate/distributions.png"), draw_school_measures(groups))
-
-
-if __name__ == "__main__":
-    run(main)

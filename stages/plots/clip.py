@@ -1,7 +1,5 @@
 """Picture of `clip`: how good the film is, over time."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +39,3 @@ def _draw_film(name: str, clip: Path) -> Picture:
     difference = np.abs(even_light.astype(np.float32) - tank)
     title = f"{name} a frame of the film".strip()
     return draw_film_check(frame, difference, table, facts.frame_rate_hz, title)
-
-
-if __name__ == "__main__":
-    run(main)

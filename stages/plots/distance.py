@@ -1,7 +1,5 @@
 """Picture of `distance`: both maps of the longest tracks (Fig. 9)."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.distance.map import (
@@ -30,7 +28,3 @@ def main() -> None:
     compared = find_comparable_pairs(kinds, area, p.motion_area_threshold)
     figure = figure9(distance, compared, features["track_id"].to_numpy(), facts.step_median)
     save_figure(Path("reports/motion/distance/fig9.png"), figure)
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,7 +1,5 @@
 """Pictures of `extract`: the segmentation of some frames, side branches (Figs. 3, 4)."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, cast
@@ -103,7 +101,3 @@ def _thin_fish_in_films(
     for film in films:
         for label, frame in film.read_frames(count):
             yield from thin_fish(frame, label, film.scene, film.typical, film.arena, settings)
-
-
-if __name__ == "__main__":
-    run(main)

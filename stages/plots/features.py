@@ -1,7 +1,5 @@
 """Pictures of `features`: a contact sheet of fish, Figs. 5 and 7, tracks, orientations."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.io.picture import save_figure, save_picture
@@ -36,7 +34,3 @@ def main() -> None:
         save_figure(REPORT / "fig7.png", draw.figure7(table))
         save_figure(REPORT / "trajectories.png", draw.draw_trajectories(table, background))
         save_figure(REPORT / "rose.png", draw.draw_rose(table))
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,7 +1,5 @@
 """Pictures of faults of the film: each in a frame in which it is seen."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from functools import partial
 from pathlib import Path
 
@@ -55,7 +53,3 @@ def _draw_fault(word: str, name: str, home: Path, settings: ExtractSettings) -> 
     film = load_extracted_film(name, home)
     frames = film.read_frames(SEARCHED)
     return draw_animal_fault(word, frames, film.scene, film.typical, film.arena, settings)
-
-
-if __name__ == "__main__":
-    run(main)

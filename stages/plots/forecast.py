@@ -1,7 +1,5 @@
 """Pictures of `forecast`: learning and the spread; a fish that swims freely beside the film."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 import pandas as pd
@@ -31,7 +29,3 @@ def main() -> None:
     free = draw_free_swimming(project.forecast_states, load_table(folder / "free.parquet", FREE))
     save_figure(REPORT / "learning.png", draw_learning(curve, held_out))
     save_figure(REPORT / "free.png", free)
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,7 +1,5 @@
 """Picture of `gateways`: similar frames and sprites, side by side (Fig. 14)."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.gateways.find import GATEWAYS, IN, OUT
@@ -27,7 +25,3 @@ def main() -> None:
             table = table[table["direction"] == direction]
             sheet[direction] = list(gateway_pictures(table, PAIRS, reel, project.map_facts))
     save_picture(Path("reports/motion/gateways/contact_sheet.png"), draw_gateways(sheet))
-
-
-if __name__ == "__main__":
-    run(main)

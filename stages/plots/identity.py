@@ -1,7 +1,5 @@
 """Picture of `identity`: the tracks of each animal over time."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.io.picture import save_figure
@@ -14,7 +12,3 @@ def main() -> None:
     project = Project()
     figure = draw_timeline(project.identities, project.features, project.rate_hz)
     save_figure(Path("reports/film/identity/timeline.png"), figure)
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,7 +1,5 @@
 """Pictures of `loops`: where they are in time and tank, and how they look (Figs. 8, 10–13)."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -91,7 +89,3 @@ def _draw_improper(project: Project, p: LoopsSettings) -> Figure:
         f"{counts['improper_dropped']} of {counts['minima']} similar pairs are improper"
     )
     return figure13(loop, reel, facts.pose, project.background, caption)
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,7 +1,5 @@
 """Picture of `pose`: the first principal shapes of the postures, drawn on an animal of the film."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.io.picture import save_picture
@@ -14,7 +12,3 @@ def main() -> None:
     with Project() as project:
         picture = draw_shapes(project.poses, project.cutouts)
     save_picture(Path("reports/film/pose/shapes.png"), picture)
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,7 +1,5 @@
 """Pictures of `realism`: ROC curves and channels, and the most obviously false windows."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 import pandas as pd
@@ -39,7 +37,3 @@ def main() -> None:
             titles.append(f"{number + 1}: {example['compared'].iloc[0]}")
     curves = load_table(OUT / "curves.parquet", CURVES)
     save_figure(REPORT / "contact_sheet.png", draw_false_windows(curves, titles, strips))
-
-
-if __name__ == "__main__":
-    run(main)

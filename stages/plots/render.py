@@ -1,7 +1,5 @@
 """Pictures of `render`: the path of the fish, its liveliest seconds, and its switches (Fig. 18)."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.edit.modes import MODES
@@ -41,7 +39,3 @@ def main() -> None:
                 figure = draw_trajectory(edit, project.goals(mode), background)
                 figure.suptitle(f"{facts.title} ({facts.source})")
             save_figure(REPORT / f"{mode}.png", figure)
-
-
-if __name__ == "__main__":
-    run(main)

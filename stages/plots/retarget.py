@@ -1,7 +1,5 @@
 """Picture of `retarget`: the requested lines and the drawn backbones."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.edit.modes import RETARGET
@@ -38,7 +36,3 @@ def main() -> None:
             size = round(_SPAN * drawn.scene.typical_length_px)
             picture = draw_backbones(asked, ticks, rows, painter, size)
         save_picture(folder / "backbones.png", picture)
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,7 +1,5 @@
 """Picture of `sprites`: every step of each sequence, and one of them in all orientations."""
 
-from stages.run import run  # isort: skip  (before numpy)
-
 from pathlib import Path
 
 from finloop.distance.reel import sprite_store_row
@@ -20,7 +18,3 @@ def main() -> None:
             sprites, lambda number, sector: store[sprite_store_row(number, sector, count)]
         )
     save_picture(Path("reports/motion/sprites/contact_sheet.png"), sheet)
-
-
-if __name__ == "__main__":
-    run(main)
