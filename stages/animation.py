@@ -1,4 +1,4 @@
-"""Plan the animation of a mode, draw samples of it and measure it, for the stages of all modes."""
+"""Plan, draw and measure the animation of a mode, for the stages of all modes."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -128,7 +128,7 @@ def _save_animation(
 
 
 def _finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
-    """Return the numbers without NaN and infinity, for which there was nothing to measure."""
+    """Return the numbers that are finite; NaN and infinity stand for what was not measured."""
     return {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
 
 
@@ -153,7 +153,7 @@ def measure_pictures(
 
 
 def _measure_seeds(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Plan an animation to random goals for each seed; return its measures, averaged over fish.
+    """Plan an animation to random goals for each seed; return the measures of each.
 
     They are planned without cross-fades. Their pictures are not measured, as that takes long.
     """
@@ -176,7 +176,7 @@ def _measure_seeds(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, 
 
 
 def _measure_trials(open_mode: OpenMode, mode: str, trials: int, pool: Workers) -> dict[str, float]:
-    """Return the mean measures of `trials` animations to random goals, by `trials_<name>`.
+    """Return the mean measures of `trials` animations to random goals, as `trials_<name>`.
 
     The result is empty without trials. Trial k has the seed k.
     """

@@ -32,7 +32,7 @@ OUT, REPORT = Path("data/calibrate"), Path("reports/calibrate")
 
 
 def rows_of_first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
-    """Return the rows of the feature table that show the first of several films; all rows of one.
+    """Return the feature rows of the first of several films; of a single film all rows.
 
     clip: folder of the clip. It knows the walls of the first film alone.
     """

@@ -65,7 +65,7 @@ def settings_of_films(p: FootageSettings) -> list[FootageSettings]:
 
 
 def drop_repeated_films(films: list[FootageSettings]) -> list[FootageSettings]:
-    """Return the films without repeats, with a printed warning for each.
+    """Return the films without repeats; print a warning for each repeat.
 
     films: parameters of each film. A repeat has the file and the parameters of an earlier film.
     """

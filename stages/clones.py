@@ -1,4 +1,4 @@
-"""One study or sweep at a time in a folder, and none of what killed ones have left."""
+"""Let one study or sweep at a time run in a folder; remove clones that killed ones left."""
 
 import os
 import shutil
@@ -14,7 +14,7 @@ APART, PREFIX = Path(".dvc/tmp"), "sweep-"
 
 
 def claim_folder(program: str) -> None:
-    """Refuse a second study or sweep in the present folder; remove clones that killed ones left.
+    """Raise FinloopError if another study or sweep runs in this folder; else remove stale clones.
 
     program: module of the study or sweep that is about to begin, such as "stages.study".
     FinloopError, and nothing is removed, if another one runs here.

@@ -1,4 +1,4 @@
-"""Where a stage works: on this machine, or with the workers that conf/cluster/ names.
+"""Choose where a stage computes: on this machine, or with the workers that conf/cluster/ names.
 
 `python -m stages.cluster tcp://host:8786 [--count N]` starts workers of a Dask scheduler on this
 machine, in this folder. No stage has the parameters `cluster` under `params` in dvc.yaml: results
@@ -23,7 +23,7 @@ from stages.settings import load_settings
 
 @contextmanager
 def open_workers(modules: Sequence[str], threads: bool = False) -> Iterator[Workers]:
-    """Yield the workers of a stage: this machine's, or those of the cluster that conf/ names.
+    """Yield the workers of a stage: processes of this machine, or those of a cluster.
 
     modules: names of those that workers import first. threads: whether this machine's are threads.
     """
@@ -49,7 +49,7 @@ def open_workers(modules: Sequence[str], threads: bool = False) -> Iterator[Work
 
 
 def main() -> None:
-    """Start Dask workers for a scheduler on this machine; they replace this process."""
+    """Replace this process by Dask workers for a scheduler on this machine."""
     parser = argparse.ArgumentParser(prog="python -m stages.cluster", description=__doc__)
     parser.add_argument("address", help="address of Dask's scheduler: tcp://host:8786")
     parser.add_argument("--count", type=int, default=THREADS, help="workers, one thread each")

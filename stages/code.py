@@ -26,7 +26,7 @@ import yaml
 from finloop.base.program import HOME, describe_program
 from finloop.base.settings import GROUPS, settings_file
 from finloop.io.atomic import whole_folder
-from stages.origins import DECLARED, note_paths, read_stages
+from stages.origins import DECLARED, paths_to_note, read_stages
 
 ROOT = HOME  # relative paths in this module are below it: the same where finloop is installed
 OUT = Path("data/code")
@@ -44,7 +44,7 @@ def stage_module(stage: str) -> str:
 
 
 def file_lists() -> dict[str, str]:
-    """Return the texts of data/code/: for each stage <stage>.txt → `file_list_text`."""
+    """Return the text of each data/code/<stage>.txt, by file name."""
     return {f"{stage}.txt": file_list_text(stage) for stage in read_stages()}
 
 
@@ -191,7 +191,7 @@ def project_members() -> dict[str, ast.FunctionDef]:
 
 
 def _members_of(tree: ast.AST, owner: str) -> set[str]:
-    """Return the names of the attributes of an object called `owner` that code uses.
+    """Return the names of attributes that code reads from an object called `owner`.
 
     For the owner "project" these are x in `project.x`, `a.project.x` and `Project(…).x`.
     """
@@ -217,7 +217,7 @@ def main() -> None:
         for name, text in file_lists().items():
             (folder / name).write_text(text, encoding="utf-8")
         declared = {
-            name: {"params": stage["meta"]["params"], "noted": note_paths(stage)}
+            name: {"params": stage["meta"]["params"], "noted": paths_to_note(stage)}
             for name, stage in read_stages().items() if "meta" in stage
         }  # fmt: skip
         (folder / DECLARED.name).write_text(yaml.safe_dump(declared), encoding="utf-8")

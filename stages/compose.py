@@ -58,7 +58,7 @@ def write_params(overrides: list[str]) -> None:
 
 
 def quoting_error(overrides: list[str]) -> FinloopError | None:
-    """Return an error that shows how to quote the overrides; None if each is one `key=value`.
+    """Return an error that shows how to quote overrides with spaces; None if none needs it.
 
     overrides: as the shell has split them. FinloopError as in `_is_override`.
     """
@@ -178,7 +178,7 @@ def load_experiment(name: str) -> Experiment:
 
 
 def _as_user_error(error: Exception, overrides: list[str]) -> FinloopError:
-    """Return the FinloopError for an error of composing; a FinloopError is returned unchanged.
+    """Return the FinloopError that explains an error of composing.
 
     overrides: those that were composed.
     """
@@ -211,7 +211,7 @@ def _as_user_error(error: Exception, overrides: list[str]) -> FinloopError:
 
 
 def _no_option_error(word: str, option: str, overrides: list[str]) -> FinloopError:
-    """Return the error that a group has no such option, with the override that was probably meant.
+    """Return the error that a group has no such option, with the override that was likely meant.
 
     word, option: what the user typed as `word=option`. word: a group, or another folder of conf/
     such as "experiment". overrides: all that were composed.

@@ -1,4 +1,4 @@
-"""What cannot work in composed parameters, found before the first stage runs.
+"""Find parameters that contradict each other or the files they name, before the first stage runs.
 
 The schema checks each value alone. This checks values against each other, and against the files
 that they name: a missing film, more leaders than fish, a film shorter than a track.
@@ -143,7 +143,7 @@ def _fish_conflicts(matching: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _mode_conflicts(values: Groups) -> Iterator[str]:
-    """Yield a sentence for each stage that is to show a retargeted track, if no track is named."""
+    """Yield a sentence for each stage that is to show a retargeted track though none is named."""
     for stage in ("render", "tank", "export"):
         if values[stage]["mode"] == "retarget" and values["retarget"]["tracks"] is None:
             yield f"{stage}.mode: retarget shows retarget.tracks, which names none"

@@ -1,4 +1,4 @@
-"""A sweep as conf/experiment/ declares it, and its runs."""
+"""Read a sweep as conf/experiment/ declares it, and list its runs."""
 
 import re
 from collections import Counter
@@ -56,7 +56,7 @@ class Experiment:
     goal: str = ""
 
     def __post_init__(self) -> None:
-        """Raise ValueError if a stage or parameter is unknown, or the values are no sweep.
+        """Raise ValueError for an unknown stage or parameter, or values that vary nothing.
 
         Each parameter needs two or more different values, or an interval, which Optuna alone takes.
         """
@@ -92,7 +92,7 @@ class Experiment:
         return list(dict.fromkeys(name.partition(".")[0] for name in self.measures))
 
     def list_seeds(self) -> list[str]:
-        """Return the names `<stage>.seed` of the seeds on which the measures depend.
+        """Return the names `<stage>.seed` of all seeds that the measures depend on.
 
         They come in the order of the stages; a seed that the sweep itself varies is left out.
         """
@@ -104,7 +104,7 @@ class Experiment:
         return [name for name in names if name not in self.params]
 
     def list_runs(self, name: str, present: Mapping[str, int]) -> dict[str, list[str]]:
-        """Return every run of this sweep: name of the run → overrides `key=value`.
+        """Return all runs of this sweep: name of the run → overrides `key=value`.
 
         name: of the sweep. present: seed parameter → its present value, for each of `list_seeds`.
         The last parameter varies fastest and the number of the seed slowest, so that later runs of
@@ -115,13 +115,13 @@ class Experiment:
         for seed in range(self.seeds if present else 1):
             for values in product(*map(parse_values, self.params.values())):
                 pairs = dict(zip(self.params, values, strict=True))
-                runs |= self.list_run(name, pairs, present, seed)
+                runs |= self.build_run(name, pairs, present, seed)
         return runs
 
-    def list_run(
+    def build_run(
         self, name: str, pairs: Mapping[str, str], present: Mapping[str, int], seed: int
     ) -> dict[str, list[str]]:
-        """Return one run of this sweep: name of the run → overrides `key=value`.
+        """Return the run for one combination of values: its name → overrides `key=value`.
 
         name: of the sweep. pairs: parameter → value. present: seed parameter → its present value.
         seed: number of the seed, from 0; it is added to each present value.
@@ -143,7 +143,7 @@ def _parse_override(values: str) -> Any:
 
 
 def parse_interval(values: str) -> Any:
-    """Return the interval in a text such as "interval(1, 2)"; None if it has values instead.
+    """Return the interval in a text such as "interval(1, 2)"; None for a list of values.
 
     The interval has the attributes `start`, `end` and `tags`.
     """

@@ -92,7 +92,7 @@ def _film_findings(numbers: dict[str, float], names: list[str]) -> dict[str, Ite
 
 
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
-    """Return what the tracks of a clip depend on, as plain values by name.
+    """Return all that a clip's tracks are made from, as plain values by name.
 
     They are the parameters `p`, the program, the clip in folder `clip`, and given tracks, if any.
     """
@@ -131,7 +131,7 @@ def _extract_film(
 
 
 def describe_given_places(numbers: Mapping[str, float]) -> Iterator[str]:
-    """Yield sentences on how much of another program's file of tracks is used, and why not more.
+    """Yield sentences on how many positions of another program's tracks are used, and why not more.
 
     numbers: counts of its places and animals, as in `Extraction.given`; empty without such a file.
     """

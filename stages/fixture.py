@@ -1,4 +1,4 @@
-"""Run the pipeline on a tiny drawn film, and compare its numbers with kept ones.
+"""Run the pipeline on a tiny drawn film, and compare its numbers with earlier ones.
 
 `make ci-fixture` calls `python -m stages.fixture`. The film and its settings are in
 .ci/fixture/film.yaml, the kept numbers in .ci/fixture/metrics.json. The run is made in copies of
@@ -54,7 +54,7 @@ def read_tiny_film(path: Path) -> list[str]:
 
 
 def compare_numbers(kept: Mapping[str, float], now: Mapping[str, float]) -> list[str]:
-    """Return the rows of a Markdown table of the kept numbers that differ; empty if none does.
+    """Return rows of a Markdown table of the numbers that differ from earlier ones.
 
     kept, now: numbers by name, of an earlier run and of this one. A number that is missing now
     differs; new ones are not compared.
@@ -67,7 +67,7 @@ def compare_numbers(kept: Mapping[str, float], now: Mapping[str, float]) -> list
 
 
 def _is_same(first: float, second: float) -> bool:
-    """Return whether two whole numbers are equal, or two other numbers in about three digits.
+    """Return whether two whole numbers are equal, or other numbers agree in about three digits.
 
     Further digits depend on the processor.
     """
@@ -77,7 +77,7 @@ def _is_same(first: float, second: float) -> bool:
 
 
 def load_comparable_numbers(folder: Path) -> dict[str, float]:
-    """Return the numbers of a run that git would keep, `stage.number` → value.
+    """Return a run's numbers that are equal on all processors, `stage.number` → value.
 
     folder: the workspace of the run. Git keeps the numbers of stages whose metrics DVC does not
     cache; the others differ between processors.
@@ -93,7 +93,7 @@ def load_comparable_numbers(folder: Path) -> dict[str, float]:
 
 
 def _copy_workspace(folder: Path, cache: Path) -> None:
-    """Copy the files that git has or would take, without results, into a new repository.
+    """Copy the files that git tracks or would add, without results, into a new repository.
 
     folder: of the copy. cache: the folder of the copy's DVC cache.
     """
@@ -112,7 +112,7 @@ def _copy_workspace(folder: Path, cache: Path) -> None:
 
 
 def run_on_tiny_film(overrides: list[str]) -> dict[str, float]:
-    """Run the pipeline on the tiny film; return its numbers, and write log and report to `OUT`.
+    """Run the pipeline on the tiny film; return its numbers, and put log and report in `OUT`.
 
     Two copies of the workspace run at the same time and share DVC's cache: the second makes
     `SIDE_STAGES`, so that the first finds them done. Each works on one process: small as the film

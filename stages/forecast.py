@@ -31,7 +31,7 @@ CURVE = ["epoch", "train_error", "held_out_error"]
 
 
 def _load_visible(project: Project) -> VisibleDistance:
-    """Return the object that measures how unlike two rows look, in pictures and poses.
+    """Return the measure of how unlike two rows of the film look, in pictures and poses.
 
     Its pictures are memory-mapped from the stage `jumps`.
     """
@@ -42,7 +42,7 @@ def _load_visible(project: Project) -> VisibleDistance:
 
 
 def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return the RMS errors of two predictions of the motion area Δ after held-out rows, by name.
+    """Return RMS errors of the motion area that is predicted Δ ahead for held-out rows, by name.
 
     Key area_rmse: error of the model; persistence_area_rmse: error of the prediction that nothing
     changes. Both are shares of the film's largest motion area. Δ is the time over which motion is
@@ -69,7 +69,7 @@ def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[st
 def _measure_forecast(
     film: FilmStates, sampler: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
-    """Measure the forecast on held-out rows, and in a fish that only the forecast moves.
+    """Return measures of the forecast: on held-out rows, and in a fish that it moves alone.
 
     sampler: draws predictions. parts: which rows are held out. The tables held_out.parquet and
     free.parquet are written to `folder`. Return numbers by name.
@@ -86,7 +86,7 @@ def _measure_forecast(
 
 
 def _save_reason(folder: Path, error: FinloopError) -> None:
-    """Print why there is no model; write the reason to `folder`, and empty files to the report."""
+    """Print and store why there is no model; write empty files for the report."""
     print(f"forecast: no model, so mode matching predicts nothing: {error}", file=sys.stderr)
     save_json(folder / "reason.json", {"reason": str(error)})
     save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE), decimals=4)

@@ -59,14 +59,14 @@ _RATE_DENOMINATOR = 1001  # largest of a frame rate, so that 30000/1001 Hz is ex
 
 
 class CyclePictures(NamedTuple):
-    """Pictures (h, w, 3) of one gait cycle, and the phase of each, in cycles."""
+    """Pictures (h, w, 3) of one gait cycle, and the phase [cycles] of each."""
 
     pictures: list[NDArray[np.uint8]]
     phases: NDArray[np.float64]
 
 
 class GaitFit(NamedTuple):
-    """A gait, the contours and key frames to which it is fitted, and its held-out errors."""
+    """A fitted gait, the contours and key frames that it was fitted to, and its held-out errors."""
 
     film: GaitContours
     gait: Gait
@@ -146,7 +146,7 @@ def fit_tracks(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
 
 
 def _dog_film(p: GaitSettings) -> DogFilm:
-    """Return the description of the film of the drawn, walking dog, from the parameters."""
+    """Return the description of the drawn, walking dog's film that the parameters give."""
     scale = p.dog_width_px / DogFilm.width_px
     return DogFilm(
         frames=p.dog_frames, frame_rate_hz=p.dog_rate_hz, cycles=p.dog_cycles,
@@ -171,7 +171,7 @@ def _draw_dog_film(walk: DogFilm, folder: Path) -> CyclePictures:
 
 
 def _fill_in_reference_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> None:
-    """Fill three columns of a table of γ with what γ of the drawn dog's limbs should be, in place.
+    """Fill in, in place, the true γ of the drawn dog's limbs in a table of fitted γ.
 
     table: from `_gamma_table`, a row per contour and subcycle. true: γ of the motion with which the
     dog is drawn. exact: γ fitted to its contours, which are known without a film. clock: γ of the
@@ -257,7 +257,7 @@ def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, CyclePictures | 
 def _animate_drawing(
     name: str, keys: tuple[str, ...], gait: Gait, p: GaitSettings, folder: Path
 ) -> dict[str, float]:
-    """Write a drawing that a gait moves to `folder`, in all file formats of ENDINGS.
+    """Write a drawing moved by a gait to `folder`, in all file formats; return metrics by name.
 
     name: of the files. keys: paths of the drawing's key poses. Return metrics by name: how
     many contours cross themselves, and how far the worst foot slides on the ground, in % of the

@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
-    """Return metrics of animals and of joins between tracks: counts, and gaps in frames.
+    """Return metrics by name: numbers of animals and of joined tracks, and gaps in frames.
 
     table: a row per track: its animal, the track before it (−1: none), and the gap between them.
     """
@@ -65,7 +65,7 @@ def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, 
 
 
 def _try_joins(film: IdentityEvidence, table: pd.DataFrame) -> dict[str, float]:
-    """Cut tracks artificially; return how often they are joined right and wrong (in %), by name.
+    """Cut tracks artificially; return by name which percentages are joined right and wrong.
 
     The joins' own probabilities are returned, too. film: what joins are judged by. table: a row per
     track, columns of `IDENTITIES`.

@@ -29,7 +29,7 @@ WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
 
 @dataclass
 class StoredFilm:
-    """The film for the workers of `jumps`, a `RowSource` of `finloop.jumps.signature`.
+    """The film's rows with small pictures in a file that all worker processes share.
 
     Small pictures of its n rows, (n, size, size, c), are in the file `path`. Every process opens
     the file and the project itself. OSError if the disk is full.
@@ -40,7 +40,7 @@ class StoredFilm:
     project: Project
 
     def create(self) -> None:
-        """Create the file of pictures, all black; the process that calls this can fill it."""
+        """Create the file of pictures, all black; this process can then fill it."""
         shape = picture_array_shape(self.project.film_reel, self.size)
         self._pictures = create_array(self.path, shape, "uint8")
 
@@ -59,11 +59,11 @@ class StoredFilm:
         return self._pictures
 
     def share_pictures(self) -> None:
-        """Write to the file what this process has put into the pictures; others see it then."""
+        """Write the pictures that this process has filled in to the file, for other processes."""
         flush_array(self._pictures)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how pickle makes this film in another process: without the opened pictures."""
+        """Return what pickle needs to open this film in another process."""
         return StoredFilm, (self.path, self.size, self.project)
 
 

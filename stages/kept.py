@@ -1,4 +1,4 @@
-"""Results of parts of a stage, kept for its next run: only what differs is made again.
+"""Keep results of parts of a stage for its next run, so that only changed ones are made again.
 
 A stage that works on every mode would work on all of them again when one mode changes. So it keeps
 the result for each in a hidden folder beside its output, in a file whose name is a digest of
@@ -23,7 +23,7 @@ MOST = 100  # files that are kept, those that were used last
 
 @dataclass(frozen=True)
 class KeptResults:
-    """Results of earlier runs of a stage, by name, such as that of each mode.
+    """Results that earlier runs of a stage have left, each under a name such as a mode.
 
     folder: where they are; None keeps nothing and has nothing. made_from: digest of what all
     results are made from. own: name → what only that result is made from, too.
@@ -34,7 +34,7 @@ class KeptResults:
     own: Mapping[str, Any]
 
     def load(self, name: str, kind: str, read: Callable[[Path], Any]) -> Any:
-        """Return a kept result as `read` reads it; None if it is not kept or cannot be read.
+        """Return a kept result, read by `read`; None if there is none or it cannot be read.
 
         kind: the ending of its file, "parquet" or "json".
         """
@@ -49,7 +49,7 @@ class KeptResults:
         return result
 
     def save(self, name: str, kind: str, write: Callable[[Path], Any]) -> None:
-        """Keep a result as the file that `write` writes; remove all but the MOST files used last.
+        """Write a result with `write` to keep it; remove all but the MOST recently used files.
 
         kind: the ending of the file, "parquet" or "json".
         """
@@ -70,7 +70,7 @@ class KeptResults:
 
 
 def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptResults:
-    """Return the kept results of a stage that are made from the present inputs.
+    """Return the kept results of a stage whose inputs, parameters and program are the present ones.
 
     inputs: files and folders that every result is made from, beside the stage's parameters and
     program. own: name → what only that result is made from. Parameters and program are known from
@@ -85,7 +85,7 @@ def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptRes
 
 
 def save_frames(path: Path, frames: list[pd.DataFrame]) -> None:
-    """Write data frames of the same columns to one Parquet file, with their exact numbers."""
+    """Write data frames of equal columns to one Parquet file, exactly."""
     pd.concat(frames, keys=range(len(frames))).to_parquet(path)
 
 

@@ -79,7 +79,7 @@ def _connection_tables() -> pd.DataFrame:
 
 
 def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return errors and times by name.
+    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return their numbers by name.
 
     The errors are those of the solvers, and of each number of control points of Fig. 7, in radii of
     the hoop: against the solution at all points, and against that solution without its details. The
@@ -126,7 +126,7 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
 
 
 def _remaining_shares(motion: Trajectory) -> Floats:
-    """Return the RMS displacement (t,) of a curve at every time, as a share of the first one."""
+    """Return a curve's RMS displacement (t,) at every time, divided by that at first."""
     rms = np.sqrt((motion.displacement**2).sum(axis=-1).mean(axis=-1))
     return rms / rms[0]
 
@@ -167,7 +167,7 @@ def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
 
 
 def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 2 and 3 of the curve paper: a letter at several scales, and a stiffness matrix.
+    """Draw Figs. 2 and 3 of the curve paper; return how diagonal its stiffness matrices are.
 
     Return by name how much of such a matrix is off its diagonal, in % of its energy, for several
     wavelets, each with 1, 2 and 3 levels.
@@ -199,7 +199,7 @@ def _morphs_at_levels(p: MorphSettings, drawings: tuple[Drawing, Drawing]) -> di
 
 
 def _fold_table(morphs: dict[str, Morph]) -> pd.DataFrame:
-    """Return a table of how often each contour crosses itself, a row per method and contour.
+    """Return a table of how often each contour folds (crosses itself), by method and contour.
 
     morphs: by method. The column proved_between_frames says whether it is proved that the contour
     does not cross itself between two frames either.

@@ -1,4 +1,4 @@
-"""What a stage's folder was made from, as digests in the folder itself: made_from.yaml.
+"""Note what a stage's folder was made from, as digests in its file made_from.yaml.
 
 A stage that reads data/pose reads data/features, too. Without this note, dvc.yaml would list both
 for each such stage, and dvc.lock would hold four lines or five for each of them. With it the folder
@@ -32,8 +32,8 @@ def output_paths(stage: Mapping[str, Any]) -> list[str]:
     return [next(iter(output)) if isinstance(output, dict) else output for output in outputs]
 
 
-def note_paths(stage: Mapping[str, Any]) -> list[str]:
-    """Return the paths whose digests a stage notes in its first folder.
+def paths_to_note(stage: Mapping[str, Any]) -> list[str]:
+    """Return the paths whose digests a stage writes into its first folder.
 
     They are its other outputs, and those inputs that `passes_on` names in `meta` of dvc.yaml.
     """
@@ -41,13 +41,13 @@ def note_paths(stage: Mapping[str, Any]) -> list[str]:
 
 
 def note_origins(name: str) -> None:
-    """Write made_from.yaml, with digests of `note_paths`, in the first folder that a stage wrote.
+    """Write made_from.yaml, with digests of `paths_to_note`, in the first folder that a stage wrote.
 
     name: of the stage in dvc.yaml. Nothing is written for another name, or without such paths.
     """
     stage = read_stages().get(name, {})
     folder = Path(next(iter(output_paths(stage)), ""))
-    if folder.is_dir() and (paths := note_paths(stage)):
+    if folder.is_dir() and (paths := paths_to_note(stage)):
         digests = {path: path_digest(Path(path)) for path in paths}
         save_bytes(folder / NOTE, yaml.safe_dump(digests).encode())
 

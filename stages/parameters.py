@@ -1,4 +1,4 @@
-"""Parameters as a table, in the terminal and as docs/parameters.md."""
+"""Show the parameters as a table: in the terminal, and as docs/parameters.md."""
 
 from stages.run import run  # isort: skip
 

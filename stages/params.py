@@ -1,4 +1,4 @@
-"""Stage `params`: check params.yaml, and write what each stage depends on beside data.
+"""Stage `params`: check params.yaml, and write what each stage depends on beside its data.
 
 data/params/<stage>.yaml holds the parameters of a stage, those that `meta` names in dvc.yaml, and a
 digest of the files of the program that it runs. A stage depends on this file, so it runs again when

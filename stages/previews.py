@@ -1,4 +1,4 @@
-"""Draw a picture and a short film of the animation of each experiment, for the comparison.
+"""Draw a picture and a short film of each experiment's animation, for the comparison page.
 
 What an experiment has made is taken from DVC's cache: no stage runs, and the workspace stays as it
 is. Experiments with the same animation share one drawing.
@@ -38,7 +38,7 @@ Digests = tuple[tuple[str, str], ...]  # path, digest of its content in DVC's ca
 
 
 def choose_mode(measures: Sequence[str]) -> str:
-    """Return the mode whose name stands in most measures `<stage>.<mode>_…`; hybrid if in none."""
+    """Return the mode that most measures `<stage>.<mode>_…` name; hybrid if they name none."""
     counts = {
         mode: sum(name.partition(".")[2].startswith(f"{mode}_") for name in measures)
         for mode in MODES
@@ -70,7 +70,7 @@ def draw_previews(commits: Mapping[str, str], mode: str) -> dict[str, Preview]:
 
 
 def _list_digests(commit: str, mode: str) -> Digests:
-    """Return path and digest of all that drawing a mode's animation needs, from a dvc.lock.
+    """Return path and digest of all results that drawing a mode's animation needs.
 
     commit: of the experiment that has the dvc.lock. The result is () if a stage has not run.
     """
@@ -144,7 +144,7 @@ def draw_preview(root: Path, mode: str) -> Preview:
 
 
 def _encode_small(figure: Figure) -> bytes:
-    """Return a figure as a small WebP, without key and axes."""
+    """Return a figure as the bytes of a small WebP, without key and axes."""
     figure.legends.clear()  # too wide; the full picture is in the experiment's report
     for axes in figure.axes:
         axes.set_axis_off()

@@ -1,4 +1,4 @@
-"""Take over the results that a colleague has pushed, so that no stage runs again: `make pull`.
+"""Take over results that a colleague has pushed, so that no stage runs again: `make pull`.
 
 DVC's remote brings what DVC keeps, and the list of earlier runs (`dvc pull --run-cache`). Numbers
 and curves come by Git: DVC neither pushes nor pulls them, yet restores a stage from its cache only
@@ -21,7 +21,7 @@ LISTED = re.compile(r"path: (reports/\S+\.(?:csv|json))\s+hash: md5\s+md5: (\w+)
 
 
 def cache_committed_numbers(cache: Path) -> int:
-    """Copy numbers and curves from Git's commits and experiments into DVC's cache; return how many.
+    """Copy numbers and curves that Git has into DVC's cache; return how many files.
 
     cache: its folder. Only those are copied that dvc.lock or the list of earlier runs names and the
     cache lacks. Files that no commit has are left out.
@@ -57,7 +57,7 @@ def _cached_file(cache: Path, digest: str) -> Path:
 
 
 def main() -> None:
-    """Pull DVC's files and its list of earlier runs; copy the numbers that Git has; end as DVC."""
+    """Pull DVC's files and run cache; copy the numbers that Git has; exit with DVC's status."""
     pulled = subprocess.run(
         [sys.executable, "-c", DVC, "pull", "--run-cache", *sys.argv[1:]], check=False
     )

@@ -54,12 +54,12 @@ PANEL_PX, CRF = 320, 20  # of the film of examples
 
 @dataclass(frozen=True)
 class GalleryOpener:
-    """Opens the film's pictures when it is called; it can be sent to another process."""
+    """Opens the film's pictures when called, also in another process."""
 
     project: Project
 
     def __call__(self) -> AbstractContextManager[Gallery]:
-        """Return the gallery of the film's pictures as a context that leaves it open at its end."""
+        """Return a context with the gallery of the film's pictures, which stays open afterwards."""
         return nullcontext(self.project.whole_gallery)
 
 
@@ -75,7 +75,7 @@ def measure_swimming(
     edit_lists: dict[str, list[EditList]], pictures: GalleryOpener,
     instruments: dict[str, Instrument], pool: Workers, kept: KeptResults = NOTHING_KEPT,
 ) -> dict[str, Swimming]:  # fmt: skip
-    """Draw the edit lists of film and modes, and measure the fish in them by extraction.
+    """Draw the edit lists of film and modes, and measure the fish in the drawn pictures.
 
     edit_lists, instruments: edit lists, and how to extract the fish from their pictures, by mode or
     FILM. kept: feature tables of an earlier run. Return the measured swimming by the same names; a
@@ -103,7 +103,7 @@ def _join_measured(
     edit_lists: dict[str, list[EditList]], tables: dict[str, list[pd.DataFrame]],
     instruments: dict[str, Instrument],
 ) -> dict[str, Swimming]:  # fmt: skip
-    """Join the feature tables of each mode and of FILM; print a note where few ticks are measured.
+    """Join the feature tables of each mode and of the film; print where few ticks were measured.
 
     tables: by name, one for each edit list in `edit_lists`. A name without a followed fish is left
     out.
@@ -125,7 +125,7 @@ def _join_measured(
 def _classify_or_error(
     p: RealismSettings, named_windows: tuple[str, tuple[Windows, Windows]]
 ) -> Verdict | FinloopError:
-    """Return how well a classifier tells two sets of windows apart; the error if they are too few.
+    """Return how well a classifier separates two sets of windows, or the error if they are too few.
 
     named_windows: name of the comparison, and its two sets of windows, short stretches of swimming.
     """
@@ -206,7 +206,7 @@ def main() -> None:
 
 
 def build_instrument(project: Project) -> Instrument:
-    """Return the instrument that measures drawn fish as extraction measured the film.
+    """Return an instrument that measures drawn fish exactly as extraction measured the film.
 
     Δ and the current of the water are those of the film, not measured anew.
     """
@@ -220,7 +220,7 @@ def build_instrument(project: Project) -> Instrument:
 def _compare_swimming(
     p: RealismSettings, animation_s: float, project: Project, pool: Workers
 ) -> None:
-    """Draw and measure film and animations, classify them; write data/realism/, reports/realism/.
+    """Measure the fish of film and animations, classify them, and write data/realism/.
 
     animation_s: length of an animation. FinloopError if no fish is followed in the film.
     """

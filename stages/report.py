@@ -76,14 +76,14 @@ TABLES = {  # by chapter
 
 
 def _load_webp(path: Path, p: ReportSettings) -> WebP:
-    """Return a picture file as WebP for the page, no wider than the page's pictures may be."""
+    """Return a picture file as WebP, reduced to the report's largest width."""
     return encode_webp(load_picture(path), p.max_picture_width_px, p.picture_quality)
 
 
 def _load_chapters(
     p: ReportSettings,
 ) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
-    """Yield each chapter that has pictures: the chapter, its pictures as WebP, its tables.
+    """Yield each chapter of the report that has pictures, with its pictures and tables.
 
     A picture or table whose file is missing is left out.
     """
@@ -139,7 +139,7 @@ def _list_doubts() -> pd.DataFrame:
 
 
 def _describe_animation(mode: str, marks: bool) -> str:
-    """Return the text below the report's film, the animation.
+    """Return the text below the film of the animation on the report.
 
     mode: of the animation, or "retarget". marks: whether goals and path are drawn in the film.
     """
@@ -152,7 +152,7 @@ def _describe_animation(mode: str, marks: bool) -> str:
 
 
 def _comparison_film(p: ReportSettings) -> dict[str, Any]:
-    """Return the page's fields on the film that shows all modes side by side.
+    """Return the page's fields on the film in which all modes are side by side.
 
     Without such a film the field `beside` is "".
     """
@@ -170,7 +170,7 @@ def _comparison_film(p: ReportSettings) -> dict[str, Any]:
 def _list_parameters(
     values: Mapping[str, Mapping[str, Any]], changes: list[str]
 ) -> dict[str, list[tuple[str, str, bool]]]:
-    """Return by group each parameter's name, its value as text, and whether conf/ has another.
+    """Return, by group, each parameter's name, value as text, and whether it differs from conf/.
 
     values: by group and name. changes: what is not as in conf/, as overrides `group.name=value` or
     `group=variant`; the latter marks all parameters of the group.

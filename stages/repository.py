@@ -1,4 +1,4 @@
-"""Git and DVC as sweeps and studies need them: commands, the user, experiments on commits."""
+"""Use Git and DVC for sweeps and studies: commands, the user, experiments on commits."""
 
 from stages.run import PROCESSES, THREADS  # isort: skip  (before numpy)
 
@@ -36,7 +36,7 @@ LAST_LINES = 12  # of the output of a failed run
 
 
 def run_git(*arguments: str, folder: Path | None = None) -> str:
-    """Run git with these arguments; return its output, or raise FinloopError with git's message.
+    """Run git with these arguments; return its output, or raise FinloopError with its message.
 
     folder: where it runs, None for the present folder.
     """
@@ -68,7 +68,7 @@ def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bo
 
 
 def failure_lines(text: str) -> list[str]:
-    """Return finloop's last message in the output of a failed run, or the output's last lines."""
+    """Return finloop's last message in a failed run's output; without one the last lines."""
     lines = text.splitlines()
     # A message of finloop begins with "finloop: " and has a line "  wanted: "; DVC's own follows.
     wanted = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
@@ -133,7 +133,7 @@ def describe_commit(commit: str) -> str:
 
 
 def describe_differing_code(commits: Mapping[str, str]) -> str:
-    """Return a sentence that names experiments whose program is not that of the first one.
+    """Return a sentence naming the experiments whose program differs from the first one's; else "".
 
     commits: experiment → its commit. The sentence is "" if there is no such experiment.
     """

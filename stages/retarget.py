@@ -23,7 +23,7 @@ EDIT_LIST = Path("data/animate/retarget.parquet")
 
 
 def load_retarget_data(project: Project) -> RetargetData:
-    """Return what retargeting needs of the film: rate, arena, pictures, poses, looks of rows."""
+    """Return what retargeting needs of the film: rate, arena, pictures, poses and looks."""
     return RetargetData(
         project.rate_hz, project.arena, project.film_reel, project.poses, project.row_looks,
         project.map_facts.size,
@@ -48,7 +48,7 @@ def _retarget_film(p: RetargetSettings) -> Retargeted:
 
 
 def describe_lacks(numbers: Mapping[str, float]) -> list[str]:
-    """Return sentences on what a retargeted track lacks: posture, parts left out, leaving the tank.
+    """Return sentences on what is wrong in a retargeted track: no posture, gaps, leaving the tank.
 
     numbers: those of the result, with the keys used below.
     """

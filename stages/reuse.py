@@ -1,4 +1,4 @@
-"""Reuse what an earlier run made of a film: of several films, only changed ones are made again.
+"""Reuse what an earlier run made of each film, so that only changed films are processed again.
 
 DVC removes a stage's outputs before it runs the stage. So what was made of each film is kept beside
 them, in a folder whose name is a digest of the parameters, the film and the code.
@@ -22,7 +22,7 @@ Numbers = Mapping[str, float]
 
 
 def reuse_or_make(kept: Path, folder: Path, make: Callable[[Path], Numbers]) -> dict[str, float]:
-    """Fill `folder` with a film's files: link kept ones, or `make` them; return their numbers.
+    """Fill `folder` with the kept files of a film, or `make` them; return their numbers.
 
     kept: folder of the film's files, named by the `key_digest` of what they are made from. make:
     writes the files into a folder and returns numbers; those that are finite are then kept, with

@@ -1,4 +1,4 @@
-"""The entry of every stage: threads, an end with its parent, one message for an error, progress.
+"""Run a stage: fix its threads, end it with its parent, turn errors into messages, show progress.
 
 A stage is a module `stages/<word>.py` of this shape; `stages.run` is its first import because the
 thread counts must be set before numpy is imported::
@@ -54,7 +54,7 @@ LINE_EVERY_S = 10.0  # progress where there is no terminal to draw a bar on
 
 
 def _limit_threads() -> None:
-    """Let every numerical library use two threads, or as many as FINLOOP_THREADS says.
+    """Let each numerical library use two threads, or FINLOOP_THREADS.
 
     The number is fixed, not the machine's: results differ in their last bits between thread counts.
     """
@@ -146,7 +146,7 @@ def run(main: Callable[[], None]) -> NoReturn:
 
 
 def _note_origins() -> None:
-    """Write what the stage's folder was made from into the folder; do nothing if no stage runs."""
+    """Write into a stage's folder what it was made from; do nothing if no stage runs."""
     module = sys.modules["__main__"].__spec__  # None unless started by `python -m`
     if module is not None:
         from stages.origins import note_origins  # not at the top: it needs the right Python
@@ -193,7 +193,7 @@ def open_in_browser(url: str) -> None:
 def report_progress(
     stage: str, total: int | None, unit: str = "frames"
 ) -> Iterator[Callable[..., None]]:
-    """Yield `advance(n=1)`, which reports on stderr that n more items are done.
+    """Yield `advance(n=1)`, to be called when n more items are done; progress goes to stderr.
 
     stage: the name to show. total: the number of items to come, None where it is unknown. unit:
     what the items are, in the plural. A terminal shows a bar; else a line is printed at times.
@@ -249,7 +249,7 @@ def _progress_lines(stage: str, total: int | None, unit: str) -> Iterator[Callab
 
 
 def report_findings(folder: Path, findings: Mapping[str, Iterable[Finding]]) -> None:
-    """Write findings on films to findings.csv in a stage's folder, and print them on stderr.
+    """Write findings on films to findings.csv in `folder`, and print them on stderr.
 
     findings: by the film's name, which is "" for a single film.
     """
@@ -270,7 +270,7 @@ def report_findings(folder: Path, findings: Mapping[str, Iterable[Finding]]) -> 
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
-    """Write the numbers of a stage to `path`, reports/<stage>/metrics.json, sorted and rounded.
+    """Write finite numbers to reports/<stage>/metrics.json, sorted and rounded.
 
     METRICS names, by the name of the folder, the headline numbers, which stand at the top. None,
     NaN and infinity are left out: such a number does not exist for this clip (no truth, no fish

@@ -35,14 +35,14 @@ from stages.stamps import file_stamp
 
 
 class CompositionError(FinloopError, InterpolationResolutionError, DvcException):
-    """A refusal that reaches the user as it is, through OmegaConf and through `dvc exp run`.
+    """An error whose text reaches the user unchanged through OmegaConf and `dvc exp run`.
 
     Each of the two prints the text of its own errors, and words of its own around any other.
     """
 
 
 def omegaconf_schema(option: type) -> type:
-    """Convert a settings dataclass to one for OmegaConf: not frozen, without ranges and defaults.
+    """Return a settings dataclass as one for OmegaConf: not frozen, without ranges and defaults.
 
     A parameter that may be a number gets the type `Any`: `finloop.base.settings` checks it, takes
     whole numbers for numbers, too, and its message says what to type.
@@ -70,13 +70,13 @@ def _simplify_type(hint: Any) -> Any:
 
 
 def _leaf_types(hint: Any) -> set[Any]:
-    """Return the types inside an annotation that have no parts: {int, NoneType} of int | None."""
+    """Return the plain types in an annotation: {int, NoneType} of int | None."""
     parts = () if get_origin(hint) is Literal else get_args(hint)
     return set().union(*map(_leaf_types, parts)) if parts else {hint}
 
 
 def check_and_stamp(*, _root_: DictConfig) -> str:
-    """Return the stamp, a digest, of conf/; FinloopError unless every parameter is right.
+    """Check all parameters of a composed config; return the stamp, a digest, of conf/.
 
     _root_: the whole composed config, which Hydra passes by this name.
     """
@@ -93,7 +93,7 @@ def _find_conf() -> Path:
 
 
 def _stamp_files(name: str, *, _root_: DictConfig) -> str | None:
-    """Return the stamp, a digest, of files that a composed config names; None if one is missing.
+    """Return a digest of the files that a composed config names; None if one is missing.
 
     name: which files, one of `FILES`. _root_: the whole config, which Hydra passes by this name.
     """
@@ -114,10 +114,10 @@ def _plain_groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
 
 
 def _register_resolver(name: str, resolver: Callable[..., str | None]) -> None:
-    """Register a resolver `${name:}` of the whole config; its refusals become CompositionErrors."""
+    """Register the OmegaConf resolver `${name:}`, which gets the whole config."""
 
     def resolve(*, _root_: DictConfig) -> str | None:
-        """Return what the resolver makes of the config; Hydra passes the config by this name."""
+        """Return the resolver's value for a config; raise its errors as CompositionErrors."""
         try:
             return resolver(_root_=_root_)
         except FinloopError as error:

@@ -1,4 +1,4 @@
-"""Read params.yaml, check it, and make it dataclasses, at the entry of a stage.
+"""Read and check params.yaml, and return its groups as dataclasses.
 
 params.yaml is composed from conf/ by `make params` or `dvc exp run`; a plain `dvc repro` composes
 nothing. So params.yaml is stamped with a digest of conf/, and refused where conf/ was edited since.
@@ -41,7 +41,7 @@ def read_params() -> dict[str, Any]:
 
 
 def _require_present_conf(values: Mapping[str, Any]) -> None:
-    """Raise FinloopError if params.yaml was composed from another state of conf/.
+    """Raise FinloopError if conf/ has changed since params.yaml was composed.
 
     values: content of params.yaml. In a temporary experiment of DVC, conf/local/ is not compared.
     """
@@ -67,7 +67,7 @@ def _require_present_conf(values: Mapping[str, Any]) -> None:
 
 
 def conf_stamp(conf: Path) -> str:
-    """Return the stamp of a folder conf/: a digest of its files, then "-" and one of conf/local/.
+    """Return the stamp of a folder conf/: a digest of its files, and one of conf/local/.
 
     Without a conf/local/ the stamp ends before the "-". conf/experiment/ does not count.
     """

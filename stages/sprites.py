@@ -32,7 +32,7 @@ TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
 def _report_stand_ins(choices: dict[str, ChosenFrames]) -> None:
-    """Print a note on each sequence that the film lacks, and on what stands in for it.
+    """Print which sequences the film lacks, and which frames are used in their place.
 
     choices: the frames chosen for each sequence, by its name.
     """

@@ -1,4 +1,4 @@
-"""Stamps of the films, tracks and paths that parameters name, so that DVC sees them change.
+"""Compute stamps of films, tracks and paths that parameters name, so that DVC sees them change.
 
 A path in params.yaml stays the same when the film there is replaced, or its folder gets one more.
 So params.yaml holds a stamp of the files: a digest of their names, sizes and times. Composing sets
@@ -84,7 +84,7 @@ def _path_files(groups: Groups) -> list[Path]:
 
 
 def _retarget_files(groups: Groups) -> list[Path]:
-    """Return the file of tracks to retarget, or the files that are read from a film's folder."""
+    """Return the file of tracks to retarget, or the tables if that is a film's folder."""
     path = groups.get("retarget", {}).get("tracks")
     if not path:
         return []
@@ -100,7 +100,7 @@ _LISTS: dict[str, Callable[[Groups], list[Path]]] = dict(
 
 
 def main() -> None:
-    """Renew the stamps (digests) in params.yaml where films, tracks or paths have changed.
+    """Update the stamps in params.yaml of films, tracks or paths that have changed.
 
     FinloopError if a file is missing that was there: a stage would remove what was made of it.
     """

@@ -89,7 +89,7 @@ def show(options: argparse.Namespace) -> None:
             _run_server(create_session_server(listens, policy, hub, inputs, announce))
 
 
-def dry(options: argparse.Namespace) -> None:
+def dry_run(options: argparse.Namespace) -> None:
     """Run a protocol without a display, as fast as possible."""
     protocol = load_protocol(options.protocol)
     print(describe_protocol(protocol, order_trials(protocol)))
@@ -183,7 +183,7 @@ def calibrate(options: argparse.Namespace) -> None:
 def _open_session(
     options: argparse.Namespace, protocol: Protocol, film: FilmedScene, clock: Any, **facts: Any
 ) -> Iterator[Session]:
-    """Yield a new session with its log; at its end write the session's file and description.
+    """Yield a new session with its log; at its end write its file and description.
 
     clock: a RealClock, or one that does not wait. facts: further fields of the file's header.
     """
@@ -226,7 +226,7 @@ def _write_session_file(journal: Path, path: Path, recovered: bool = False) -> N
 def _animal_messages(
     options: argparse.Namespace, film: FilmedScene, protocol: Protocol
 ) -> list[TimedMessage]:
-    """Return the messages, (time [s], text), that a recorded track sends for a live animal.
+    """Return the messages, (time [s], text), that a recorded track sends in place of a live animal.
 
     Without --animal there are none; with it, FinloopError if the protocol has no live animals.
     """
@@ -251,7 +251,7 @@ def _make_inputs(
     options: argparse.Namespace, policy: AccessPolicy, session: Session,
     messages: list[TimedMessage],
 ) -> Callable[[], list[Coroutine[Any, Any, None]]]:  # fmt: skip
-    """Return a function that makes the tasks which give a session its messages while it runs.
+    """Return a function that makes the tasks through which messages reach a session.
 
     They listen at the ports --udp and --osc, and send `messages`, those of a recorded track.
     """
@@ -319,7 +319,7 @@ def _run_server(server: AppServer) -> None:
 
 
 def _build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line; its result has the command's function as `does`."""
+    """Return the parser of the command line; `does` in its result is the command's function."""
     parser = argparse.ArgumentParser(
         prog="python -m stages.stimulus", description="A stimulus for animals; docs/stimulus.md."
     )
@@ -327,7 +327,7 @@ def _build_parser() -> argparse.ArgumentParser:
 
     def add_command(does: Callable[[argparse.Namespace], None], *paths: str) -> Any:
         """Add a command with its arguments, all paths; return its parser."""
-        name = does.__name__.partition("_")[0]  # `list_only` has the command `list`
+        name = does.__name__.partition("_")[0]  # `dry_run` has the command `dry`
         command = commands.add_parser(name, help=(does.__doc__ or "").rstrip("."))
         command.set_defaults(does=does)
         for path in paths:
@@ -335,7 +335,7 @@ def _build_parser() -> argparse.ArgumentParser:
         return command
 
     add_command(list_only, "protocol")
-    show_parser, dry_parser = add_command(show, "protocol"), add_command(dry, "protocol")
+    show_parser, dry_parser = add_command(show, "protocol"), add_command(dry_run, "protocol")
     replay_parser, calibrate_parser = add_command(replay, "session"), add_command(calibrate)
     add_command(recover, "journal")
     add_command(page, "protocol", "out")

@@ -1,4 +1,4 @@
-"""The film behind a stimulus, opened with its pictures, and the display that shows it."""
+"""Open the film for a stimulus, with its pictures, and the display that shows it."""
 
 import hashlib
 import json
@@ -38,7 +38,7 @@ _PLANNED_BY = ("animate", "matching")
 
 @dataclass(frozen=True)
 class FilmedScene:
-    """A film opened for a stimulus: the planner of motion, and the pictures for the display."""
+    """An opened film: the planner of motion, and the pictures for the display."""
 
     scene: TrialContext
     pictures: PagePictures
@@ -46,7 +46,7 @@ class FilmedScene:
     film: str  # a digest of the film's results
 
     def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
-        """Return the data that display pages receive: the empty tank, fields, and pictures.
+        """Return the data that display pages need: the empty tank, fields, and pictures.
 
         looks: those of the protocol, for the page. fish: number of fish. facts: further fields.
         """
@@ -156,7 +156,7 @@ def _results_digest(data: Path) -> str:
 
 
 def display_file(name: str) -> Path:
-    """Return the path of a display's calibration; raise FinloopError if its name is unusable."""
+    """Return the path of a display's calibration file; FinloopError if the name cannot be one."""
     if not name.replace("-", "").replace("_", "").isalnum():
         raise FinloopError(
             f"a display has the name {name!r}",

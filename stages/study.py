@@ -85,7 +85,7 @@ def parse_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
 
 
 def require_different_films(films: Mapping[str, Overrides]) -> None:
-    """Raise FinloopError if two films of a study are one film with the same settings.
+    """Raise FinloopError if two films of a study are one film with equal settings.
 
     films: name → overrides. A film, a link to it and a copy of it count as one film.
     """
@@ -179,7 +179,7 @@ def clip_path_overrides(path: str) -> Overrides:
 def collect_results(
     films: Mapping[str, Overrides], failures: Mapping[str, str], folder: Path
 ) -> list[FilmResult]:
-    """Return the result of each film of a study, in order; write the films' reports to `folder`.
+    """Write each film's report to `folder`; return the results of all films, in order.
 
     films: name → overrides. failures: experiment → why it failed.
     """
@@ -241,7 +241,7 @@ def read_numbers(files: Mapping[str, bytes]) -> dict[str, float]:
 
 
 def forget_lost_results(names: Iterable[str]) -> None:
-    """Remove experiments whose results are no longer in DVC's cache, so that they are made again.
+    """Remove experiments whose results DVC's cache has lost, so that they run again.
 
     names: of experiments. `dvc gc` removes the results and leaves the experiment in git.
     """

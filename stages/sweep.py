@@ -74,7 +74,7 @@ def _clone(root: Path, folder: Path, cache: str) -> None:
 
 
 def drop_lock_without_results(lock: Path, cache: Path) -> None:
-    """Remove a dvc.lock that names a folder of results which is not in DVC's cache.
+    """Remove a dvc.lock that names a folder of results that DVC's cache lacks.
 
     lock: the file; cache: folder of the cache. `dvc exp run` stops at such a lock as soon as it
     takes a stage from the cache: it looks up the folders that the lock names.
@@ -114,7 +114,7 @@ def _has_run_same_program(commit: str) -> bool:
 
 
 def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, processes: int) -> str:
-    """Make one run in a clone, and fetch its experiment; return "", or its last lines if it failed.
+    """Make one run in a clone and fetch its experiment; return "", or last lines if it failed.
 
     changes: overrides. stages: to run, all if empty. processes: the number of processes of a stage.
     """
@@ -245,7 +245,7 @@ class RunMaker(ExitStack):
         return todo, failures
 
     def _open_clones(self, count: int) -> None:
-        """Make clones until there are `count`.
+        """Make further clones until there are `count`.
 
         Before the first one, find out whether the stages that runs have in common are to be made.
         """
@@ -267,7 +267,7 @@ class RunMaker(ExitStack):
 def plan_sweep(
     words: Sequence[str], measures: Sequence[str], changes: Mapping[str, Any]
 ) -> tuple[str, Experiment, list[str]]:
-    """Return the name of a sweep, what it varies and measures, and the overrides of all its runs.
+    """Return a sweep's name, what it varies and measures, and overrides for all its runs.
 
     words: a name in conf/experiment/, `key=1,2` to vary and `key=3` for every run. measures: what
     is measured. If there are none, the named sweep declares them; without a name they are the
@@ -305,7 +305,7 @@ def plan_sweep(
 
 
 def _sort_words(words: Sequence[str]) -> tuple[list[str], dict[str, str], list[str]]:
-    """Sort the words of a command line; return names, values of varied parameters, other overrides.
+    """Return the words of a command line as names, values to vary, and other overrides.
 
     A name is a word without "=". The values are by `group.key`, in Hydra's notation, as "1,2".
     FinloopError if a word with "=" is no override of Hydra.

@@ -59,7 +59,7 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
 
 
 def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
-    """Return one picture of pictures (h, w, 3) in rows, each scaled to a width of _SHEET_PX.
+    """Return one picture made of rows of pictures (h, w, 3), scaled to a width of _SHEET_PX each.
 
     All have one size; each inner list is a row.
     """

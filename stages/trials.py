@@ -1,4 +1,4 @@
-"""Let Optuna choose the values of a sweep: its TPE sampler, and its pruning by the seeds.
+"""Let Optuna choose the values of a sweep by its TPE sampler, and end bad trials early.
 
 A trial is a combination of values. It runs with one seed after the other; the mean of the goal over
 the seeds so far is reported to Optuna after each, and a trial that is worse than the median of the
@@ -76,7 +76,7 @@ def make_trials(
             batch, run_names = Overrides(), dict[Any, str]()
             for trial in goal_values:
                 values = dict(map(_format_value, trial.params.items()))
-                run = plan.list_run(name, values, present, seed)
+                run = plan.build_run(name, values, present, seed)
                 (run_names[trial],) = run  # it is one
                 batch |= run
             runs |= batch
@@ -98,7 +98,7 @@ def make_trials(
 
 
 def _create_study(direction: str) -> tuple[Any, Any]:
-    """Return a new study of Optuna, and Optuna's names of the states that a trial ends in.
+    """Return a new Optuna study, and Optuna's names for the end states of a trial.
 
     direction: of the goal, HIGHER or LOWER is better. FinloopError if Optuna is missing.
     """

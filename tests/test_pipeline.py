@@ -29,7 +29,7 @@ from finloop.base.settings import GROUPS, WORDS
 from finloop.edit.modes import MODES
 from finloop.report.figures import CHAPTERS
 from stages import code
-from stages.origins import note_origins, note_paths, output_paths
+from stages.origins import note_origins, paths_to_note, output_paths
 from stages.previews import choose_mode, draw_previews
 from stages.settings import FILES
 
@@ -92,7 +92,7 @@ def waited_for(word: str, mode: str) -> set[str]:
         found.add(path := todo.pop())
         inside = [out for out in first if does_read(path, out) and out.startswith(path)]
         found |= {*inside}
-        todo += {one for out in inside for one in note_paths(first[out])} - found
+        todo += {one for out in inside for one in paths_to_note(first[out])} - found
     return found
 
 

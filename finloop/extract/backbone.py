@@ -1,4 +1,4 @@
-"""The backbone of a fish from its silhouette (fish paper §2.2 and §2.2.1, Figs. 2-4).
+"""Trace the backbone of a fish in its silhouette (fish paper §2.2 and §2.2.1, Figs. 2-4).
 
 Thinning leaves a one-pixel skeleton with side branches (open fins), of which the longest path is
 kept. That path stops short of head and tail and lies on whole pixels, so measured lengths are
@@ -49,7 +49,7 @@ class Backbone(NamedTuple):
 def trace_backbone(
     mask: Mask, field: Picture, points: int, floor: float, limbs: bool = False
 ) -> Backbone | None:
-    """Return the backbone of one silhouette, or None if its skeleton is shorter than 4 px.
+    """Return the backbone of a silhouette; None if its skeleton is shorter than 4 px.
 
     mask: (h, w), the silhouette. field: (h, w), the difference from the empty tank, from which
     sides and tips are read at sub-pixel precision. points: number of backbone points. floor: grey
@@ -77,7 +77,7 @@ def trace_backbone(
 
 
 def cut_limbs(mask: Mask) -> tuple[Mask, int]:
-    """Return a silhouette (h, w) without its limbs, and how many limbs it has.
+    """Return a silhouette (h, w) without legs, antennae and stalked fins, and how many it has.
 
     Limbs are legs, antennae, and fins on a stalk. The silhouette is opened with a disc whose radius
     is half the largest half width: the body remains, thin parts vanish. A thin part is a limb if it
@@ -113,7 +113,7 @@ def _disc(radius: int) -> Picture:
 
 
 def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
-    """Return a silhouette and its difference image, both with narrow notches filled.
+    """Return a silhouette and its difference image with narrow notches filled, such as a dark eye.
 
     mask, field: (h, w). A notch is skin as bright as the tank, like the black eye of a pale fish,
     and diverts the skeleton. Both pictures are closed (dilated, then eroded) with a disc of half
@@ -133,7 +133,7 @@ def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
 
 
 def morph_with_disc(picture: Picture, operation: int, radius: int) -> Picture:
-    """Return a picture (h, w) opened or closed with a disc; beyond its edges is 0.
+    """Return a picture (h, w) morphologically opened or closed with a disc.
 
     operation: cv2.MORPH_OPEN removes bright parts that are narrower than the disc, cv2.MORPH_CLOSE
     fills dark ones.
@@ -155,7 +155,7 @@ def pad_picture(picture: Picture, rim_px: int) -> Picture:
 
 @kernel
 def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
-    """Return the longest path (m, 2) x, y through the skeleton of a silhouette (§2.2.1, Fig. 4).
+    """Return the longest path (m, 2) x, y along a silhouette's skeleton (§2.2.1, Fig. 4).
 
     skeleton: (h, w), True on it; an empty one gives no points. weight: (h, w); the length of a step
     is multiplied by the mean weight of its two pixels. A weight of 1 is the paper's rule, by which
@@ -210,7 +210,7 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
 
 @kernel
 def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
-    """Cut the forked ends off a path (m, 2) x, y through a skeleton; return the rest (k, 2).
+    """Return a skeleton's path (m, 2) x, y without its forked ends: (k, 2).
 
     half_width: (h, w), px from each pixel to the outline. Near a blunt end the skeleton forks into
     the corners of the outline. So pixels are cut off whose half width is more than `_FORK` times
@@ -239,7 +239,7 @@ def _farthest_pixel(distances: Floats) -> int:
 
 @kernel
 def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
-    """Return the lengths of the shortest paths from one skeleton pixel to all, and predecessors.
+    """Return shortest path lengths from one skeleton pixel to all, and each pixel's predecessor.
 
     Both are (pixels,): a length is infinite where no path leads, a predecessor is the number of the
     pixel before on the path, −1 for none. number: (h, w), the number of each skeleton pixel, −1
@@ -328,7 +328,7 @@ def resample_line(xy: Floats, points: int) -> Floats:
 
 @kernel
 def _share_past_crossing(level_before, level_after, crossing_level):  # type: ignore[no-untyped-def]
-    """Return the share (0 … 1) of a step that lies past the point where it falls below a level.
+    """Return the share (0 … 1) of a step that lies beyond the point where it falls below a level.
 
     It is 1 if the level before the step is no higher. All levels are grey levels.
     """
@@ -341,7 +341,7 @@ def _share_past_crossing(level_before, level_after, crossing_level):  # type: ig
 
 @kernel
 def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
-    """Extend a line straight beyond its first end; return the point x, y where it leaves the fish.
+    """Return the point x, y where a line, extended straight beyond its first end, leaves the fish.
 
     field: (h, w), the difference from the empty tank; xy: (n, 2) px; width: (n,) px, half widths;
     floor: grey level below which differences are noise. The fish ends where the field falls below
@@ -379,7 +379,7 @@ def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
 
 @kernel
 def _distance_to_flank(field, point, normal, edge_level, most_px):  # type: ignore[no-untyped-def]
-    """Return the distance [px] from a point along a normal to the side of the body.
+    """Return the distance [px] from a backbone point along a normal to the side of the body.
 
     The side is where the difference from the empty tank, field (h, w), falls below edge_level.
     point: x, y in px; normal: unit vector. `most_px` if no side is nearer.
@@ -433,7 +433,7 @@ def _resample_closed(xy, points):  # type: ignore[no-untyped-def]
 
 @kernel
 def quantile_above(patch: Picture, threshold: float, share: float) -> float:
-    """Return a quantile of those grey levels of a picture (h, w) uint8 that exceed a threshold.
+    """Return a quantile of a picture's grey levels (h, w) above a threshold.
 
     share: the quantile, 0 … 1. The result is a whole level; threshold + 1 if no pixel exceeds it.
     """
@@ -459,7 +459,7 @@ def _median_of_three(values, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def _smooth_by_medians(values):  # type: ignore[no-untyped-def]
-    """Return values (n,), each replaced by the median of it and its neighbours; both ends stay."""
+    """Return values (n,), each replaced by the median of it and its two neighbours."""
     result = values.copy()
     for i in range(1, values.size - 1):
         result[i] = _median_of_three(values, i)
@@ -483,7 +483,7 @@ def _quantile_of_few(values, share):  # type: ignore[no-untyped-def]
 
 @kernel
 def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-def]
-    """Turn a path through a skeleton into a backbone; return its points, half widths and length.
+    """Turn a skeleton's path into a backbone; return points (n, 2), half widths (n,) and length.
 
     fields: two difference images (h, w) from the empty tank: unchanged, for the sides, and without
     notches, for the tips; path: (m, 2) px; smooth: matrix (n, n) that smooths the n points; floor:

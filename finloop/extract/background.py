@@ -1,4 +1,4 @@
-"""The empty tank, the noise of the film, and the threshold between fish and tank (fish paper §2.1).
+"""Find the empty tank, the film's noise, and the threshold between fish and tank (§2.1).
 
 The paper subtracts a background; it explains neither the background nor the threshold. Here the
 background is the median of frames spread over the clip; the noise level is the standard deviation
@@ -51,22 +51,22 @@ class Scene:
 
     @cached_property
     def light_meter(self) -> "_LightMeter":
-        """Return the object that measures the brightness of frames relative to the background."""
+        """Return the meter of a frame's brightness relative to the background."""
         return _LightMeter(self.background)
 
 
 class _LightMeter:
-    """Measures how bright frames are relative to the empty tank, on a grid of bright pixels."""
+    """Measures how bright a frame is relative to the empty tank, on a grid of its bright pixels."""
 
     def __init__(self, background: Picture) -> None:
-        """Choose the background's pixels that are bright enough to compare."""
+        """Select the pixels of the background that are bright enough to compare."""
         grid = background[::_GRID, ::_GRID].astype(np.float32)
         self._lit = grid > 16
         self._levels = grid[self._lit]
         self._middle = float(np.median(self._levels)) if self._lit.any() else 0.0
 
     def measure(self, frame: Picture) -> float:
-        """Return the brightness of a frame over the background's, the median ratio of pixels.
+        """Return a frame's brightness divided by the background's: the median ratio of pixels.
 
         It is 1.0 if they differ by less than half a grey level, or the background has no bright
         pixel.
@@ -80,7 +80,7 @@ class _LightMeter:
 
 
 def relative_brightness(frame: Picture, background: Picture) -> float:
-    """Return how bright a frame is relative to a background: the median ratio of their pixels.
+    """Return a frame's brightness divided by a background's: the median ratio of pixels.
 
     It is exactly 1.0 if they differ by less than half a grey level, so nothing needs correction.
     """
@@ -88,7 +88,7 @@ def relative_brightness(frame: Picture, background: Picture) -> float:
 
 
 def match_scene_to_light(scene: Scene, frame: Picture) -> Scene:
-    """Return a scene with a background as bright as a frame; the scene itself if it already is."""
+    """Return a scene whose background is as bright as a frame."""
     gain = scene.light_meter.measure(frame)
     if gain == 1.0:
         return scene
@@ -101,7 +101,7 @@ def scale_brightness(picture: Picture, gain: float) -> Picture:
 
 
 def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Picture:
-    """Return the median picture (h, w[, 3]) of frames, after all are made as bright as the first.
+    """Return the median picture (h, w[, 3]) of frames, all scaled to the first one's brightness.
 
     frames: an odd number of pictures, all (h, w[, 3]).
     """
@@ -119,7 +119,7 @@ def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Pi
 
 
 def _median_picture(pictures: Sequence[Picture]) -> Picture:
-    """Return the pixels' medians over an odd number of equally large pictures.
+    """Return the median of each pixel over an odd number of pictures of one size.
 
     They are found bit by bit, the highest first: a bit is set if at most half of the pictures are
     below the number with that bit. This is exact, and seven times as fast as sorting each pixel.
@@ -135,7 +135,7 @@ def _median_picture(pictures: Sequence[Picture]) -> Picture:
 
 
 def flat_background(frames: Sequence[Picture]) -> Picture:
-    """Return a background of one even tone, for a fish that hardly leaves its place.
+    """Return a background of one even tone, for a fish that hardly leaves its position.
 
     frames: (h, w[, 3]), as the background. Otsu's threshold divides the pixels of all frames in
     two; the larger part is the tank, and its median tone the background. FinloopError if all pixels
@@ -155,7 +155,7 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
 
 
 def background_without_ghosts(frames: Sequence[Picture], median: Picture, least: float) -> Picture:
-    """Return the median (h, w[, 3]) with fish that hardly moved replaced by the tank's floor.
+    """Return the median picture (h, w[, 3]) with fish that hardly moved replaced by floor.
 
     frames, median: (h, w[, 3]), sample frames and their median. Such a *ghost* is a patch of the
     median that differs from its surroundings by more than `least` grey levels. In a tenth of its
@@ -187,7 +187,7 @@ def background_without_ghosts(frames: Sequence[Picture], median: Picture, least:
 
 
 def _smooth_difference(picture: Picture, other: Picture) -> Picture:
-    """Return the smoothed absolute difference (h, w) of two pictures; of RGB the largest one."""
+    """Return the smoothed absolute difference (h, w) of pictures; of RGB the largest channel."""
     change = cv2.absdiff(picture, other)
     grey = change if change.ndim == 2 else change.max(axis=-1)
     return np.asarray(cv2.GaussianBlur(grey, (5, 5), 1.5))
@@ -245,7 +245,7 @@ def measure_scene(
     frames: Sequence[Picture], background: Picture, polarity: Polarity, sigmas: float,
     least_threshold: float, workers: Threads = ALONE,
 ) -> Scene:  # fmt: skip
-    """Measure on sample frames how noisy the film is, and how fish differ from the background.
+    """Return the scene that sample frames show: the film's noise, the threshold, the polarity.
 
     The noise is the 68.3 % quantile of the absolute smoothed difference, a standard deviation that
     ignores fish which cover less than a third of the tank. The threshold is `sigmas` times the

@@ -1,4 +1,4 @@
-"""Film → tracks of isolated fish, each with cut-out, outline and backbone (fish paper §2.1-2.2.1).
+"""Turn film into tracks of isolated fish with cut-outs, outlines, backbones (§2.1-2.2.1).
 
 Three steps: `samples.measure_scene_and_fish` measures tank, noise and a typical fish on frames of
 the whole clip; `detect_in_clip` streams the film once and detects the fish of each frame, on every
@@ -39,7 +39,7 @@ _SAMPLE_BYTES = 2**29  # most bytes of the sample frames
 
 
 class TrackedFish(NamedTuple):
-    """One fish in one frame: the number of its track, the number of the frame, and its measures."""
+    """One fish in one frame: its track's number, the frame's number, and its measures."""
 
     track_id: int
     frame: int
@@ -66,7 +66,7 @@ def choose_sample_frames(
 def add_learnt_backgrounds(
     frames: Iterable[Picture], scene: Scene, rate_hz: float
 ) -> Iterator[tuple[Picture, Scene]]:
-    """Yield each frame with a scene whose background adapts to the film (OpenCV's MOG2).
+    """Yield each frame with a scene whose background OpenCV's MOG2 learns from the film.
 
     The background is renewed every second. frames: (h, w[, 3]); rate_hz: frames per second.
     """
@@ -81,7 +81,7 @@ def add_learnt_backgrounds(
 
 
 class Detections(NamedTuple):
-    """The silhouettes found in one frame: three lists with one entry for each silhouette.
+    """The silhouettes found in one frame, as three lists with one entry for each.
 
     verdicts: whether it is a fish; spots: its place; fish: its measures, None unless it is an
     isolated fish with a backbone.
@@ -98,7 +98,7 @@ Stretch = list[Detections | None]
 
 @dataclass(frozen=True)
 class Detector:
-    """Finds and measures the fish of single frames.
+    """Finds and measures the fish in single frames.
 
     arena: (h, w) uint8, 255 inside; typical: a typical fish of the clip, to compare sizes with.
     """
@@ -108,11 +108,11 @@ class Detector:
     settings: ExtractSettings
 
     def __call__(self, frame: Picture, scene: Scene) -> Detections:
-        """Find all silhouettes of a frame, after making the background as bright as the frame."""
+        """Return a frame's silhouettes, found on a background made as bright as the frame."""
         return self.detect(frame, match_scene_to_light(scene, frame))
 
     def detect(self, frame: Picture, scene: Scene) -> Detections:
-        """Return a frame's silhouettes: verdict, place, and measures (None if no isolated fish).
+        """Return a frame's silhouettes, each with verdict, position, and measures if it is a fish.
 
         scene: its background is as bright as the frame (`match_scene_to_light`).
         """
@@ -134,7 +134,7 @@ class Detector:
 
 
 class ClipStream(NamedTuple):
-    """How to read a clip: its length, its frames per second, and its key frames.
+    """How to read a clip: its length, frames per second, key frames, and stored detections.
 
     stride: frames from one key frame to the next. read: yields the frames start … stop − 1, (h, w)
     or (h, w, 3) uint8. load_or_make: returns the detections that are stored under a name, or makes
@@ -174,7 +174,7 @@ def detect_in_clip(
 def _load_or_detect(
     clip: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> Stretch:
-    """Return the detections in some successive frames of a clip, stored or computed.
+    """Return the detections in successive frames of a clip, loaded if they are stored.
 
     span: (start, stop), the frames start … stop − 1.
     """
@@ -187,7 +187,7 @@ def _load_or_detect(
 def _detect_span(
     clip: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> Stretch:
-    """Return the detections in some successive frames of a clip.
+    """Return the detections in successive frames of a clip, computed anew.
 
     span: (start, stop), the frames start … stop − 1. A damaged frame and those after it, up to the
     next key frame, have None.
@@ -209,7 +209,7 @@ def _detect_span(
 def fill_lost_frames(
     detections: Iterable[Detections | None], lost_frames: list[int]
 ) -> Iterator[Detections]:
-    """Yield the detections of every frame, empty ones for a frame that could not be decoded.
+    """Yield the detections of every frame; empty ones for frames that could not be decoded.
 
     lost_frames: receives the numbers of these frames.
     """
@@ -223,7 +223,7 @@ def link_tracks(
     detections: Iterable[Detections], typical: TypicalFish, settings: ExtractSettings,
     cuts: Sequence[int] = (),
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:  # fmt: skip
-    """Link the fish of successive frames to tracks; yield for each frame verdicts and tracked fish.
+    """Link fish of successive frames to tracks; yield verdict counts and tracked fish by frame.
 
     Verdicts of its silhouettes are counted. Fish wait until their track has `min_track_frames`
     frames; then all are yielded with the present frame. Fish of shorter tracks never are. cuts:
@@ -254,7 +254,7 @@ def link_tracks(
 def _silhouette_place(
     silhouette: Silhouette, fish: SegmentedFish | None, with_outline: bool
 ) -> SilhouettePlace:
-    """Return the place of a silhouette: its mass centre if it is a fish, else its box's middle.
+    """Return a silhouette's position: mass centre of a fish, else the middle of its box.
 
     fish: the measures of the silhouette, None if it is no isolated fish; with_outline: whether to
     add the pixels of its edge.
@@ -267,7 +267,7 @@ def _silhouette_place(
 
 
 def batch_fish(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
-    """Join lists of fish to lists of at least 512, which are faster to write, and yield these.
+    """Join lists of fish to longer ones of at least 512, which are faster to write.
 
     The last may be shorter, or empty.
     """
@@ -285,7 +285,7 @@ class NoTrackError(FinloopError):
 
 
 def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> NoTrackError:
-    """Return the error to raise where no track is long enough; it counts silhouettes by verdict."""
+    """Return the error to raise where no track is long enough; it counts the verdicts."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
     return NoTrackError(
         f"no fish could be followed for {settings.min_track_frames} frames (silhouettes: {counts})",
@@ -296,14 +296,14 @@ def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> NoT
 
 
 def fish_cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
-    """Yield the cut-out of each fish: its track, frame and place, and its pixels with alpha."""
+    """Yield each fish's cut-out: track, frame, position, and pixels with alpha."""
     for tracked in fish:
         found = tracked.fish
         yield Cutout(tracked.track_id, tracked.frame, found.x0, found.y0, found.cutout)
 
 
 def track_table_rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
-    """Return a row of the table of tracks (`tracks_schema`) for each given fish, in their order."""
+    """Return rows of the table of tracks (`tracks_schema`), one for each given fish."""
     return pd.DataFrame(
         {
             "track_id": [f.track_id for f in fish],

@@ -1,4 +1,4 @@
-"""Pale pixels around a silhouette: fins, a shadow, or gloom.
+"""Decide what pale pixels around a silhouette are: fins, a shadow, or gloom (dimmed floor).
 
 A silhouette ends where the difference from the tank falls to a share of the fish's contrast. Paler
 pixels that are no noise are a fin that light passes through, the tip of a tail, a shadow, or the
@@ -31,7 +31,7 @@ Kind = Literal["fins", "shadow", "gloom"]
 
 
 class PalePixels(NamedTuple):
-    """The pixels around one silhouette that differ a little from the tank, and may be fins.
+    """The pixels around a silhouette that differ a little from the tank, and may be fins.
 
     x0, y0: the upper left pixel, in px of the picture. mask: (h, w) bool, without the silhouette.
     field: (h, w) uint8, the difference from the empty tank.
@@ -46,7 +46,7 @@ class PalePixels(NamedTuple):
 def add_fins_to_alpha(
     alpha: Picture, corner: tuple[int, int], fins: PalePixels, levels: tuple[float, float]
 ) -> tuple[Picture, tuple[int, int]]:
-    """Add a fish's fins to its alpha (h, w) uint8; return the new alpha and its first pixel x, y.
+    """Add a fish's fins to its alpha (h, w); return the alpha and its upper left pixel x, y.
 
     A fin's pixel is as opaque as its difference is a share of the fish's contrast; below twice the
     threshold it fades, so a fin has no hard edge. alpha: of the silhouette alone; corner: x, y of
@@ -59,7 +59,7 @@ def add_fins_to_alpha(
 
 @kernel
 def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-def]
-    """Return a silhouette's alpha with its fins, and that alpha's first pixel x, y in `mask`.
+    """Return a silhouette's alpha with its fins, and the alpha's upper left pixel x, y in `mask`.
 
     alpha: of the silhouette alone, whose first pixel is at `corner`, x and y, of the mask; mask,
     field: (h, w), the pale pixels, and the difference from the empty tank; levels: the fish's
@@ -91,7 +91,7 @@ def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-d
 
 
 class PaleSide(NamedTuple):
-    """Where the pale pixels around one fish lie, as seen from the middle of its silhouette.
+    """Where the pale pixels around one fish lie, seen from the middle of its silhouette.
 
     in_picture: (2,) px, to the right and down in the picture; on_fish: (2,) px, ahead of the fish
     and to one side. around: share (0 … 1) of a line around the fish, a quarter of its width away,
@@ -106,7 +106,7 @@ class PaleSide(NamedTuple):
 def find_pale_side(
     mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: PalePixels
 ) -> PaleSide | None:
-    """Return where a fish's pale pixels lie, seen from its middle; None if it has next to none.
+    """Return where a fish's pale pixels lie, seen from its middle; None if it has hardly any.
 
     mask: (h, w), the silhouette, whose first pixel is at `corner`, x and y in px of the picture.
     backbone: in px of the mask; its thicker half counts as the front. fins: the pale pixels around
@@ -129,7 +129,7 @@ def find_pale_side(
 
 
 def _thick_end_direction(backbone: Backbone) -> Floats:
-    """Return the unit vector (2,) along a backbone to its thicker half; 0 if both ends meet."""
+    """Return the unit vector (2,) along a backbone towards its thicker half."""
     line, width = backbone.points_px, backbone.half_width_px
     half, ahead = len(line) // 2, line[0] - line[-1]
     if width[:half].sum() < width[-half:].sum():

@@ -1,4 +1,4 @@
-"""Tracks of another program: check that they belong to the film, and match them with silhouettes.
+"""Check that another program's tracks belong to the film, and match them with silhouettes.
 
 The program defines who is where; silhouette, backbone and cut-out are those found here. A place is
 an animal's given points; its distance from a silhouette is the mean distance of these points from
@@ -48,7 +48,7 @@ SHOWN_ALONE = (
 
 @dataclass(frozen=True)
 class ExternalTracks:
-    """Where another tracking program places animals, in the order of the clip's frames.
+    """Another program's positions of animals, in the order of the clip's frames.
 
     names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
     where a point is missing; head, tail: (rows, 2) px, NaN where missing; start, stop: (frames of
@@ -65,13 +65,13 @@ class ExternalTracks:
     film: "FilmSize"
 
     def rows_of_frame(self, frame: int) -> slice:
-        """Return the rows that belong to one frame of the clip, as a slice."""
+        """Return the slice of the rows that belong to one frame of the clip."""
         return slice(int(self.start[frame]), int(self.stop[frame]))
 
     def find_rows(
         self, frames: NDArray[np.integer], individuals: NDArray[np.integer]
     ) -> NDArray[np.int64]:
-        """Return the rows (n,) that place n animals, each in one frame of the clip.
+        """Return the row (n,) of each of n pairs of a clip's frame and an animal.
 
         frames, individuals: (n,), numbers of frames and of animals; every pair must have a row.
         """
@@ -82,7 +82,7 @@ class ExternalTracks:
 
 
 class FilmSize(NamedTuple):
-    """The size of the film that was tracked: its frames, and the sides of its pictures."""
+    """The size of the film that was tracked: number of frames, and sides of its pictures [px]."""
 
     frames: int
     width_px: int
@@ -92,7 +92,7 @@ class FilmSize(NamedTuple):
 def map_poses_to_clip(
     poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
 ) -> ExternalTracks:
-    """Return another program's tracked poses, with the range of rows that each clip frame has.
+    """Return another program's poses as tracks, with the rows of each frame of the clip.
 
     Points of low confidence become NaN, and rows without any point are left out. poses: in the
     order of their frames; clip_frames: the film's frame that each frame of the clip shows.
@@ -157,7 +157,7 @@ def find_keypoint(
 def _refuse_other_length(
     tracked_frames: NDArray[np.integer], clip_frames: NDArray[np.integer], film: FilmSize
 ) -> None:
-    """Raise FinloopError for tracks that continue beyond the film's end, or do not fit the clip.
+    """Raise FinloopError if tracks go on after the film's end, or do not fit the clip.
 
     They must share a frame with the clip, and must not end before half of it. tracked_frames:
     (rows,) ascending; clip_frames: the film's frame that each frame of the clip shows.
@@ -182,7 +182,7 @@ def _refuse_other_length(
 
 
 def _refuse_other_units(points: Floats, film: FilmSize) -> None:
-    """Raise FinloopError if places are not in px: most outside the picture, or all at its corner.
+    """Raise FinloopError if positions are not in px: outside the picture, or all in its corner.
 
     points: (rows, k, 2), the given points of an animal in a row; its place is their mean.
     """
@@ -208,7 +208,7 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
 def _silhouette_distances(
     points: Floats, silhouettes: Sequence[SilhouettePlace], most_px: float
 ) -> Floats:
-    """Return the distances (animals, silhouettes) [px] between animals and silhouettes of a frame.
+    """Return distances (animals, silhouettes) [px] between animals and silhouettes of a frame.
 
     A distance is the mean over an animal's points, 0 for points inside the silhouette. It is
     infinite where even the silhouette's box is farther than `most_px`. points: (animals, k, 2) px,
@@ -230,7 +230,7 @@ def _silhouette_distances(
 def match_silhouettes(
     points: Floats, silhouettes: Sequence[SilhouettePlace], length_px: float
 ) -> list[tuple[Outcome, int | None]]:
-    """Return for each tracked animal of a frame an outcome, and the number of its silhouette.
+    """Return an outcome and a silhouette's number for each animal tracked in a frame.
 
     points: (animals, k, 2) px, each animal's points in the tracks, NaN where missing; length_px: a
     body length. Distances are means over an animal's points. First, each animal takes the nearest
@@ -268,7 +268,7 @@ def match_silhouettes(
 
 
 class ExternalTrackLinker:
-    """Links silhouettes to tracks by another program's places; a track is a run of one animal.
+    """Links silhouettes to tracks by another program's positions of animals.
 
     A run is successive frames in which the animal has its own isolated silhouette; at least
     `least_frames` make a track. The animal's k-th run, both from 0, is track animal + k · animals,
@@ -279,13 +279,13 @@ class ExternalTrackLinker:
     """
 
     def __init__(self, given: ExternalTracks, length_px: float, least_frames: int) -> None:
-        """Begin without runs; length_px: a body length; least_frames: shortest track."""
+        """Start without tracks; length_px: a body length; least_frames: shortest track."""
         self._given, self._length, self._least = given, length_px, least_frames
         self.outcomes: Counter[tuple[int, Outcome]] = Counter()
         self.short = 0
 
     def outcome_counts(self) -> Counter[Outcome]:
-        """Count the places of all animals by their outcome."""
+        """Return how many positions of all animals had each outcome."""
         counts = Counter[Outcome]()
         for (_, outcome), count in self.outcomes.items():
             counts[outcome] += count
@@ -294,7 +294,7 @@ class ExternalTrackLinker:
     def link_frames(
         self, detections: Iterable[Detections], cuts: Sequence[int] = ()
     ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
-        """Yield for each frame the counts of its verdicts, and the fish of long enough runs.
+        """Yield for each frame its verdict counts, and the fish of long enough runs.
 
         When a run becomes long enough, all its fish until then are yielded. cuts: numbers of frames
         before which the film is cut, and runs end.
@@ -325,7 +325,7 @@ class ExternalTrackLinker:
     def _find_animals(
         self, number: int, detected: Detections
     ) -> Iterator[tuple[int, SegmentedFish]]:
-        """Yield the animals that have their own silhouettes in a frame, with the fish's measures.
+        """Yield each animal that has a silhouette to itself in a frame, with its measures.
 
         The outcomes of all animals are counted. number: of the frame; detected: in it.
         """
@@ -358,7 +358,7 @@ class ExternalTrackLinker:
         )
 
     def metrics(self, fit: "SilhouetteFit") -> dict[str, float]:
-        """Count how another program's places matched silhouettes: numbers and shares, by name."""
+        """Return how well another program's positions match silhouettes, by name."""
         given, counts = self._given, self.outcome_counts()
         return {
             "places": counts.total(),
@@ -376,7 +376,7 @@ class ExternalTrackLinker:
     def _end_runs(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
-        """Remove the runs of all animals that are not in `seen`; count the fish of too short ones.
+        """End the runs of all animals that are not in `seen`; count fish of too short runs.
 
         waiting: fish of runs that are too short so far; running: number of the track of long ones;
         both by animal, and changed.
@@ -388,7 +388,7 @@ class ExternalTrackLinker:
 
 
 def longest_run_frames(given: ExternalTracks) -> int:
-    """Return the largest number of successive frames of the clip in which an animal has a place."""
+    """Return the largest number of successive frames of the clip that place one animal."""
     frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
     row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
     animal = given.individual[row]
@@ -399,7 +399,7 @@ def longest_run_frames(given: ExternalTracks) -> int:
 
 
 class SilhouetteFit(NamedTuple):
-    """How well another program's places agree with silhouettes in sample frames.
+    """How well another program's positions agree with silhouettes in sample frames.
 
     share: of places with a silhouette within a body length, 0 … 1; chance: the same with
     silhouettes of other moments; places: their number; lost: numbers of animals that have three
@@ -414,7 +414,7 @@ class SilhouetteFit(NamedTuple):
 
     @property
     def least_share(self) -> float:
-        """Return the least `share` at which tracks are taken to be of this film.
+        """Return the least `share` with which tracks are accepted as tracks of this film.
 
         It is midway from `chance` to 1, at most 0.9. Tracks of another film agree by chance alone.
         So do this film's tracks where animals rest, which then must agree nearly always.
@@ -426,7 +426,7 @@ def measure_silhouette_fit(
     tracks: ExternalTracks, frames: Sequence[int],
     silhouettes: Sequence[Sequence[SilhouettePlace]], length_px: float,
 ) -> SilhouetteFit:  # fmt: skip
-    """Measure how well another program's places agree with the silhouettes of sample frames.
+    """Return how well another program's positions agree with silhouettes of sample frames.
 
     frames: numbers of the sample frames; silhouettes: those of each; length_px: a body length. With
     a single frame, the agreement by chance is 0.
@@ -456,7 +456,7 @@ def measure_silhouette_fit(
 def _have_near_silhouette(
     points: Floats, silhouettes: Sequence[SilhouettePlace], length_px: float
 ) -> Mask:
-    """Return a mask (animals,) of those that have a silhouette within a body length of their place.
+    """Return a mask (animals,) of animals with a silhouette within a body length.
 
     points: (animals, k, 2) px, where they are; length_px: a body length.
     """
@@ -466,7 +466,7 @@ def _have_near_silhouette(
 
 
 def refuse_other_film(tracks: ExternalTracks, fit: SilhouetteFit) -> None:
-    """Raise FinloopError if so few places have a silhouette that the tracks are of another film."""
+    """Raise FinloopError if few positions have a silhouette: the tracks are of another film."""
     if fit.share >= fit.least_share:
         return
     film = tracks.film

@@ -1,4 +1,4 @@
-"""Several films as one motion base: their fish of one size and in one light.
+"""Join several films, so that their fish have one size and one light.
 
 The first film gives the tank, the body length and the light; `io.several` defines the folders.
 Cut-outs are (h, w, channels) uint8, colour premultiplied by alpha, the last channel.
@@ -37,7 +37,7 @@ Rows = NDArray[np.intp]
 
 
 class FishScaling(NamedTuple):
-    """How a film's fish change in size, light and colour to be like those of the first film."""
+    """How a film's fish are changed in size, light and colour to match the first film's."""
 
     scale: float = 1.0  # factor on lengths
     gains: tuple[float, ...] = ()  # factor on each channel's light; none: as filmed
@@ -45,7 +45,7 @@ class FishScaling(NamedTuple):
 
 
 class FilmContribution(NamedTuple):
-    """How many rows and tracks one of several films adds, and how its fish are scaled (`like`)."""
+    """How many rows and tracks one of several films adds, and how its fish are scaled."""
 
     name: str
     rows: int
@@ -69,7 +69,7 @@ class _FilmTracks(NamedTuple):
 
 
 class _JointFiles(NamedTuple):
-    """Where the rows of all films are written: tracks, another program's tracks, cut-outs."""
+    """Writers of the joint files of all films: tracks, external tracks, cut-outs."""
 
     write_tracks: Callable[[pd.DataFrame], None]
     write_external: Callable[[pd.DataFrame], None] | None  # None without such tracks
@@ -77,7 +77,7 @@ class _JointFiles(NamedTuple):
 
 
 def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[FilmContribution]:
-    """Join tracks and cut-outs of several films in the first film's tank; return what each adds.
+    """Join tracks and cut-outs of several films to one; return what each film adds.
 
     clip, folder: what `clip` and `extract` have written, with a folder for each film in `films`;
     the joint files are written to `folder` itself. A film whose tracks are all shorter than a frame
@@ -126,7 +126,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[F
 def _append_film(
     film: _FilmTracks, files: _JointFiles, scaling: FishScaling, first_track: int
 ) -> int:
-    """Append a film's rows, its fish scaled, to the joint files; return how many tracks it adds.
+    """Append one film's scaled rows to the joint files; return how many tracks it adds.
 
     first_track: the number of its first track in the joint table.
     """
@@ -140,13 +140,13 @@ def _append_film(
 
 
 def _renumber_tracks(table: pd.DataFrame, first_track: int) -> pd.DataFrame:
-    """Return a table whose tracks have successive numbers from `first_track` on, in their order."""
+    """Return a table whose tracks have successive numbers from `first_track` on."""
     track = np.unique(table["track_id"], return_inverse=True)[1] + first_track
     return table.assign(track_id=track.astype("int32"))
 
 
 def _joint_external_rows(film: _FilmTracks, table: pd.DataFrame, scale: float) -> pd.DataFrame:
-    """Return the rows of a film's external tracks that belong to its rows in the joint table.
+    """Return a film's rows of external tracks that belong to its rows in the joint table.
 
     External tracks are those of another tracking program. table: the film's rows in the joint
     table, whose tracks and frames they get. scale: factor on lengths. Animals get the film's name
@@ -180,7 +180,7 @@ def _load_film_tracks(part: JoinedFilm, clip: Path, folder: Path, whole: VideoFa
 def _copy_cutouts(
     writer: CutoutWriter, store: CutoutStore, rows: Rows, table: pd.DataFrame, scaling: FishScaling
 ) -> None:
-    """Write the scaled cut-outs (pixels with alpha) of some rows of a film to the joint store.
+    """Write scaled cut-outs of some rows of a film to the joint store.
 
     store: the film's cut-outs; rows (k,): their numbers in it; table: the same rows of the joint
     table, with their new tracks and frames.
@@ -194,7 +194,7 @@ def _copy_cutouts(
 
 
 def _median_levels(film: _FilmTracks, drop_colour: bool) -> Floats:
-    """Return the median levels (channels,), 0 … 255, of the opaque pixels in a film's cut-outs.
+    """Return the median levels (channels,), 0 … 255, of the fish in a film's cut-outs.
 
     They are measured in a sample of its rows. drop_colour: whether RGB counts as grey.
     """
@@ -210,7 +210,7 @@ def _median_levels(film: _FilmTracks, drop_colour: bool) -> Floats:
 def find_fish_scaling(
     length_px: float, first_length_px: float, light: Floats, first_light: Floats, drop_colour: bool
 ) -> FishScaling:
-    """Return the scaling of size, light and colour that makes a film's fish like the first film's.
+    """Return the scaling of size, light and colour that makes a film's fish match the first film's.
 
     Its scale multiplies lengths, its gains (none: as filmed) the levels of each channel. length_px,
     first_length_px: typical body lengths; light, first_light (channels,): median levels, 0 … 255;
@@ -226,13 +226,13 @@ def find_fish_scaling(
 
 
 def _drop_colour(pixels: Picture) -> Picture:
-    """Return the RGB and alpha pixels (h, w, 4) of a cut-out as grey and alpha (h, w, 2), uint8."""
+    """Return a cut-out's RGB and alpha (h, w, 4) as grey and alpha (h, w, 2), uint8."""
     mono = cv2.cvtColor(np.ascontiguousarray(pixels[..., :-1]), cv2.COLOR_RGB2GRAY)
     return np.dstack([mono, pixels[..., -1]])
 
 
 def match_cutout(cutout: Cutout, scaling: FishScaling) -> Cutout:
-    """Return a film's cut-out with the first film's size and light; its place is scaled, too."""
+    """Return a film's cut-out scaled to the first film's size and light, with its position."""
     pixels = _drop_colour(cutout.pixels) if scaling.grey else cutout.pixels
     if scaling.gains:
         colours = pixels[..., :-1] * np.array(scaling.gains)
@@ -244,7 +244,7 @@ def match_cutout(cutout: Cutout, scaling: FishScaling) -> Cutout:
 
 
 def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
-    """Return a cut-out drawn `scale` times as large: pixel X shows what X / scale showed."""
+    """Return a cut-out drawn `scale` times as large, with its position."""
     pixels = cutout.pixels
     # The first column and row of the result, and its last; a pixel reaches half a px to both sides.
     corner = np.array([cutout.x0_px, cutout.y0_px]) - 0.5
@@ -265,7 +265,7 @@ def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
 
 
 def _scale_measures(tracks: pd.DataFrame, scaling: FishScaling) -> pd.DataFrame:
-    """Return a table of tracks with places, sizes and contrasts scaled to the first film."""
+    """Return a table of tracks with positions, sizes and contrasts scaled to the first film."""
     if scaling == FishScaling():
         return tracks
     scaled = tracks.copy()

@@ -1,4 +1,4 @@
-"""Lay tracks of another program over a clip, from their file to the tables of `extract`.
+"""Load another program's tracks for a clip, and write them beside the tables of `extract`.
 
 It connects `extract.given` to files; `extract.write` uses it where tracks are from a file.
 """
@@ -30,7 +30,7 @@ from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_ch
 
 
 def find_tracks_path(film: Path, pattern: str) -> str:
-    """Return the path of one film's tracks, a file or folder, where several films are given.
+    """Return the path of one film's tracks, where a pattern stands for several films' tracks.
 
     film: its path. pattern: a path in which {folder} and {name} stand for the film's folder
     and its name without ending, and `*`, `?`, `[…]` for unknown parts. FinloopError if it contains
@@ -57,7 +57,7 @@ def find_tracks_path(film: Path, pattern: str) -> str:
 
 
 def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> ExternalTracks:
-    """Load the tracks of another program, which `p.tracks_path` names, by frames of the clip.
+    """Return another program's tracks in `p.tracks_path`, sorted by frames of the clip.
 
     FinloopError if the tracks cannot be read, or do not fit the clip.
     """
@@ -70,7 +70,7 @@ def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> E
 
 
 def make_pixels_square(poses: Poses, facts: VideoFacts) -> Poses:
-    """Convert poses from px of the film's file, which may be oblong, to square px of the clip.
+    """Return poses in square px of the clip, from px of the film's file, which may be oblong.
 
     facts: about the clip, which may be turned: then the file's pixels are as high as they were
     wide.
@@ -84,7 +84,7 @@ def make_pixels_square(poses: Poses, facts: VideoFacts) -> Poses:
 def check_external_tracks(
     given: ExternalTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
 ) -> SilhouetteFit:
-    """Return how well tracks agree with silhouettes in sample frames of the clip they must fit.
+    """Return how well tracks agree with silhouettes in sample frames of the clip.
 
     FinloopError if so few places agree that the tracks must be of another film.
     """

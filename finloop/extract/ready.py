@@ -1,4 +1,4 @@
-"""Load the compiled kernels that measure a fish: import this module to have them ready.
+"""Load the compiled kernels that measure a fish: importing this module makes them ready.
 
 Loading takes half a second. The server from which workers are forked imports it, so they inherit
 the kernels.

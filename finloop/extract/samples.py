@@ -1,4 +1,4 @@
-"""First measurements, on frames spread over the film: tank, noise, a typical fish.
+"""Measure first, on frames spread over the film: tank, noise, a typical fish.
 
 The background is the median of these frames. But a fish that stays in its place, or moves less than
 its length, is in the median itself: a *ghost*. The difference from such a background is the part
@@ -35,7 +35,7 @@ from finloop.extract.settings import ExtractSettings
 
 
 class TypicalFish(NamedTuple):
-    """A typical fish of the clip: its silhouette's area, backbone's length [px], and contrast.
+    """A typical fish of the clip: its area [px²], backbone's length [px], and contrast.
 
     contrast: grey levels of the difference image. fins: which pale pixels beyond silhouettes are
     shown with them; thin: whether pale thin parts belong to the silhouette. edge_px: how wide the
@@ -72,7 +72,7 @@ _COUNTED = 60  # most silhouettes whose limbs are counted
 def judge_silhouette(
     silhouette: Silhouette, typical: TypicalFish, settings: ExtractSettings
 ) -> Verdict:
-    """Return "fish" for a silhouette of one isolated fish, else why it is none.
+    """Return the verdict "fish" for a silhouette of one isolated fish, else why it is none.
 
     Its place, and its size and contrast relative to the typical fish, decide.
     """
@@ -88,7 +88,7 @@ def judge_silhouette(
 
 
 class _BackgroundTrial(NamedTuple):
-    """What was measured with one background: scene, typical fish, and how much fish vary in area.
+    """The scene and the typical fish that were measured against one background.
 
     area_spread: half the width of the middle 68 % of the fish's areas, relative to the median;
     infinite if there are fewer fish than half the frames.
@@ -103,7 +103,7 @@ def measure_scene_and_fish(
     sample_frames: Sequence[Picture], arena: Picture, settings: ExtractSettings,
     workers: Threads = ALONE,
 ) -> tuple[Scene, TypicalFish]:  # fmt: skip
-    """Measure the scene and a typical fish on sample frames spread over the clip.
+    """Return the scene and a typical fish, measured on sample frames of the clip.
 
     sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside. With background `auto`, other
     backgrounds than the median are tried: a fish that hardly moved leaves a ghost in the median.
@@ -126,7 +126,7 @@ def _try_backgrounds(
     measure: Callable[[Picture], _BackgroundTrial], sample_frames: Sequence[Picture],
     median: Picture, least_contrast: float,
 ) -> _BackgroundTrial:  # fmt: skip
-    """Return the trial of the best background: the median, it without ghosts, or an even tone.
+    """Return the trial of the best background: median, median without ghosts, or an even tone.
 
     measure: tries a background; FinloopError if no fish is found on it. least_contrast: of a fish,
     grey levels. FinloopError if none shows a fish.
@@ -153,7 +153,7 @@ def _measure_with_background(
     sample_frames: Sequence[Picture], arena: Picture, settings: ExtractSettings, workers: Threads,
     background: Picture,
 ) -> _BackgroundTrial:  # fmt: skip
-    """Return the scene, a typical fish and how much fish vary in area, against a given background.
+    """Return the scene, a typical fish, and the spread of areas against a given background.
 
     The last is infinite if there are fewer fish than half the frames. Setting `thin` "auto": thin
     parts belong to fish if this makes their lengths clearly more alike.
@@ -194,7 +194,7 @@ def _measure_with_background(
 
 
 def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
-    """Return the median, and half the width of the middle 68 % of the values relative to it.
+    """Return the median of values, and half the width of their middle 68 % relative to it.
 
     For Gaussian values the second number is the standard deviation divided by the mean.
     """
@@ -205,7 +205,7 @@ def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
 def find_typical_fish(
     silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> tuple[TypicalFish, float]:
-    """Return the typical fish among silhouettes of sample frames, and the spread of fish's lengths.
+    """Return the typical fish among silhouettes, and the relative spread of fish's lengths.
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt and
     bubbles count little. All else is of the silhouettes with about that area: length, contrast and
@@ -239,7 +239,7 @@ def _choose_fins(
     traced: Sequence[tuple[Silhouette, Backbone]], setting: Literal["auto", "keep", "drop"],
     polarity: Polarity,
 ) -> Fins:  # fmt: skip
-    """Return which pale pixels beside the bodies belong to the fish: all, the brighter or none.
+    """Return which pale pixels beside bodies belong to the fish: all, the brighter, or none.
 
     setting: "keep" gives "all", "drop" gives "none", "auto" classifies the pixels. Fins give "all".
     A shadow gives "none", but "brighter" if the fish's polarity is "both": pixels brighter than the
@@ -259,7 +259,7 @@ def _choose_fins(
 
 
 def measure_edge_width(silhouette: Silhouette) -> float:
-    """Return how wide the outline of a silhouette is [px]: its contrast divided by its slope.
+    """Return how wide a silhouette's blurred outline is [px]: its contrast over its slope.
 
     The slope [grey levels / px] of the difference image is measured where that falls to half of the
     contrast. Its upper quartile along the outline counts: skin marks and pale fins are less steep.
@@ -275,7 +275,7 @@ def measure_edge_width(silhouette: Silhouette) -> float:
 def _no_fish_error(
     silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> FinloopError:
-    """Return the error for sample frames without an isolated fish; its message says why."""
+    """Return the error for sample frames without an isolated fish, which says why."""
     if not silhouettes:
         why = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
     elif all(s.at_border for s in silhouettes):

@@ -1,4 +1,4 @@
-"""One frame → its fish: silhouettes, soft cut-outs, outlines, backbones (fish paper §2.1-2.2.1).
+"""Find the fish in one frame: silhouettes, soft cut-outs, outlines, backbones (§2.1-2.2.1).
 
 Two thresholds: pixels above the noise form *candidate* patches; within a patch, the silhouette has
 the pixels above a share of that fish's own contrast. The first threshold finds pale fish, the
@@ -42,7 +42,7 @@ _REACH = 0.3  # share of the diagonal of a silhouette's box; pixels farther from
 
 @dataclass(frozen=True)
 class Silhouette:
-    """A connected patch of one frame that may be one fish, several, or none.
+    """A connected patch of a frame that differs from the tank: one fish, several, or none.
 
     x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) uint8, the
     difference image. contrast: of the fish to the tank, grey levels. area_px: pixels of the mask.
@@ -97,7 +97,7 @@ class SilhouetteEdge(NamedTuple):
 def find_silhouettes(
     frame: Picture, scene: Scene, arena: Picture, least_area_px: float, edge_rule: SilhouetteEdge
 ) -> Iterator[Silhouette]:
-    """Yield the silhouettes of a frame that are at least `least_area_px` [px²] large.
+    """Yield the silhouettes in a frame that have at least an area of `least_area_px` [px²].
 
     They are searched in each connected patch of pixels that differ from the background.
     scene: its background is as bright as the frame (`match_scene_to_light`); arena: (h, w) uint8,
@@ -131,7 +131,7 @@ def find_silhouettes(
 
 
 def _may_show_fin(film: Picture, tank: Picture, fins: Fins) -> Mask:
-    """Return a mask (h, w) of the pixels that a fin can have: all, or those darker or brighter.
+    """Return a mask (h, w) of pixels that may belong to a fin: all, the darker, or the brighter.
 
     film, tank: (h, w[, 3]), with and without the fish; equally bright pixels count as brighter.
     """
@@ -146,7 +146,7 @@ def _find_animal_pixels(
     patch: Picture, contrast: float, film: Picture, tank: Picture, scene: Scene,
     edge_rule: SilhouetteEdge,
 ) -> Picture:  # fmt: skip
-    """Return which pixels of a patch show an animal: (h, w) uint8, 255 where they do.
+    """Return the pixels of a patch that show an animal: (h, w) uint8, 255 where they do.
 
     patch: (h, w), difference of film and tank, grey levels; contrast: of its animals; film, tank:
     (h, w[, 3]), the patch with and without animals; edge_rule: which pixels belong to them.
@@ -184,7 +184,7 @@ def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> P
 def _add_dark_skin(
     silhouette: Picture, changed: Mask, film: Picture, tank: Picture, shadow: float
 ) -> Picture:
-    """Return a bright fish's silhouette (h, w), 0 or 255, with its skin darker than a shadow.
+    """Return a bright fish's silhouette (h, w), 0 or 255, with its dark skin added.
 
     Such skin lacks more than the share `shadow` of the tank's light in all channels. changed: (h,
     w), where the film differs from the tank. film, tank: (h, w[, 3]), with and without the fish.
@@ -199,7 +199,7 @@ def _add_dark_skin(
 
 
 def _find_patch_edges(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
-    """Yield the edge of each connected patch above a grey level, from the picture's bottom up.
+    """Yield the edge of each connected patch above a grey level, from the bottom up.
 
     Edges are in px of the picture. change: (h, w) grey levels, the difference from the empty tank.
     `change` itself is altered: outside of the arena it becomes 0, in the rows of pixels that are
@@ -223,7 +223,7 @@ def _find_patch_edges(change: Picture, arena: Picture, level: int) -> Iterator[E
 def _silhouette_inside_edge(
     edge: Edge, patch: Picture, corner: tuple[int, int], contrast: float, arena: Picture
 ) -> Silhouette:
-    """Return the silhouette that a closed edge encloses, with its holes filled.
+    """Return the silhouette inside a closed edge, with its holes filled.
 
     It is at the border within a pixel of the picture's edge, or two pixels of the arena's.
     edge: px of the patch; patch: part of the difference image; corner: x, y of the patch in the
@@ -248,7 +248,7 @@ def _assign_pale_pixels(
     parts: list[tuple[Silhouette, Edge]], patch_edge: Edge, patch: Picture, corner: tuple[int, int],
     pale: Mask,
 ) -> Iterator[Silhouette]:  # fmt: skip
-    """Yield the silhouettes of one patch, each with the pale pixels that are nearest to it.
+    """Yield the silhouettes of one patch, each with the pale pixels nearest to it.
 
     Pale pixels differ from the tank less than a silhouette does: fins, or a shadow. parts: the
     silhouettes, and their edges in px of the patch; patch_edge: in px of the picture; patch: part
@@ -279,7 +279,7 @@ def _assign_pale_pixels(
 
 
 def edge_pixels(silhouette: Silhouette) -> Edge:
-    """Return the pixels (n, 1, 2) int32 of a silhouette's edge, x and y in px of the picture."""
+    """Return a silhouette's edge pixels (n, 1, 2) int32, x and y in px of the picture."""
     chains, _ = cv2.findContours(
         silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE,
         offset=(silhouette.x0, silhouette.y0),
@@ -290,7 +290,7 @@ def edge_pixels(silhouette: Silhouette) -> Edge:
 def measure_fish(
     silhouette: Silhouette, frame: Picture, scene: Scene, points: int, limbs: bool = False
 ) -> SegmentedFish | None:
-    """Measure backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
+    """Return a silhouette's backbone, outline and cut-out; None if it has no backbone.
 
     frame, scene: those in which it was found; points: number of backbone points; limbs: whether the
     animal has limbs, which are no part of the backbone. The fins are only in the cut-out (pixels
@@ -327,7 +327,7 @@ def measure_fish(
 
 @kernel
 def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
-    """Return how opaque each pixel of a silhouette is, 0 … 255: alpha (h, w) uint8.
+    """Return the alpha (h, w) uint8 of a silhouette: how opaque each pixel is, 0 … 255.
 
     mask: (h, w), the silhouette; field: (h, w), the difference from the tank. Near the outline a
     pixel is a blend of fish and tank, so alpha is its difference divided by the largest difference
@@ -357,7 +357,7 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
 
 
 def premultiply_cutout(film: Picture, tank: Picture, alpha: Picture) -> Picture:
-    """Cut a fish out of a film frame, without the tank's colour at its edge.
+    """Return a fish cut out of a frame, without the tank's colour at its edge.
 
     The result (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, is film − (1 − alpha) · tank,
     limited to 0 … alpha. Where the limit does not bind, the result laid over the same tank gives

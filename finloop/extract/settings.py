@@ -13,7 +13,7 @@ Ratio = Annotated[float, Field(ge=1)]
 
 @dataclass(frozen=True)
 class ExtractSettings:
-    """How fish are found in the tank, and linked into tracks.
+    """Parameters of `extract`: how fish are found in the tank, and linked into tracks.
 
     With `tracks_path` another program's tracks say who is where; without, finloop links them.
     """

@@ -1,4 +1,4 @@
-"""The schema of the table of tracks, and facts about the tank and its fish."""
+"""The table of tracks (its schema), and facts about the tank and its fish."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ GIVEN_NAME = "given.parquet"  # exists only where tracks are from a file
 
 @dataclass(frozen=True)
 class SceneFacts:
-    """Facts about the tank and its fish, for later stages.
+    """Facts about the tank and its fish that later stages use.
 
     points: the number of points of a backbone. fins: which pixels beyond silhouettes, paler than
     these, the cut-outs show; thin: whether thin parts that are paler belong to silhouettes; limbs:

@@ -1,4 +1,4 @@
-"""Join the fish of one frame to those of the next: tracks (fish paper §2.1, several fish at once).
+"""Link fish from frame to frame to tracks (fish paper §2.1, several fish at once).
 
 A track is a run of consecutive frames of one isolated fish. It ends where its identity becomes
 uncertain: where the fish touches another one or the border, vanishes, or moves farther than a fish
@@ -25,7 +25,7 @@ Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half-open
 
 @dataclass(frozen=True)
 class SilhouettePlace:
-    """The place of one silhouette of a frame; only an `isolated` one can belong to a track.
+    """The position of a silhouette in a frame; only an `isolated` one can join a track.
 
     x_px, y_px: its centre; box: the pixels it spans. outline: (n, 1, 2) int32 px, only where tracks
     come from a file.
@@ -41,7 +41,7 @@ class SilhouettePlace:
 
 @dataclass
 class _Track:
-    """A track that is not ended: its number, its last place, and its last step (vx, vy) in px."""
+    """A running track: its number, its last silhouette, and its last step (vx, vy) [px]."""
 
     number: int
     spot: SilhouettePlace
@@ -50,12 +50,12 @@ class _Track:
 
     @property
     def next_place(self) -> tuple[float, float]:
-        """Return the place x, y [px] where the fish is expected in the next frame."""
+        """Return the position x, y [px] expected in the next frame."""
         return self.spot.x_px + self.vx, self.spot.y_px + self.vy
 
 
 class TrackLinker:
-    """Links silhouettes of successive frames to tracks: nearest pairs, limited in step and area.
+    """Links silhouettes of successive frames to tracks, the nearest ones first.
 
     gate_px: largest distance of a fish from the place expected from its last two frames. Beyond a
     quarter of it, any other partner of the track or the silhouette must be 1.5 times as far away.
@@ -63,7 +63,7 @@ class TrackLinker:
     """
 
     def __init__(self, gate_px: float, area_ratio: float) -> None:
-        """Begin without tracks."""
+        """Start without tracks."""
         self._gate, self._ratio = gate_px, area_ratio
         self._tracks: list[_Track] = []
         self._before: list[SilhouettePlace] = []  # every spot of the frame before, isolated or not
@@ -74,7 +74,7 @@ class TrackLinker:
         self._tracks, self._before = [], []
 
     def link_frame(self, silhouettes: list[SilhouettePlace]) -> list[int | None]:
-        """Return the track number of each silhouette of the next frame; None if it has no track.
+        """Return the track number of each silhouette of the next frame; None without a track.
 
         None: the silhouette is not isolated, or it has grown and hides a lost track. A silhouette
         begins a new track if it matches no track, or if another silhouette has split off from it.
@@ -104,7 +104,7 @@ class TrackLinker:
         return numbers
 
     def _match_tracks(self, silhouettes: list[SilhouettePlace]) -> dict[int, _Track]:
-        """Match running tracks with a frame's silhouettes; return the tracks by silhouette number.
+        """Return the running tracks that match silhouettes of a frame, by silhouette number.
 
         A pair must be within the limits of step and area. It must be near (a quarter of the
         limit), or clearly nearer than any other pair with that track or that silhouette. Of these
@@ -134,7 +134,7 @@ class TrackLinker:
         self, before: SilhouettePlace, number: int, silhouettes: list[SilhouettePlace],
         tracks: dict[int, _Track],
     ) -> bool:  # fmt: skip
-        """Return whether a silhouette shrank because another one parted from it.
+        """Return whether a silhouette shrank because another one has separated from it.
 
         before: its place in the frame before; silhouettes: those of this frame, in which it has
         this `number`; tracks: running tracks, by the number of their silhouette in this frame.
@@ -153,7 +153,7 @@ class TrackLinker:
 
 
 def _least_of_others(matrix: Floats) -> Floats:
-    """Return for each entry of a matrix the least other entry of its row, infinity if none."""
+    """Return for each entry of a matrix the least other entry in its row."""
     if matrix.shape[1] < 2:
         return np.full_like(matrix, np.inf)
     least, second = np.partition(matrix, 1, axis=1)[:, :2, None].transpose(1, 0, 2)
@@ -161,6 +161,6 @@ def _least_of_others(matrix: Floats) -> Floats:
 
 
 def _box_contains_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:
-    """Return whether any of the places x, y [px] lies in a box."""
+    """Return whether any of the positions x, y [px] lies in a box."""
     x0, y0, x1, y1 = box
     return any(x0 <= x < x1 and y0 <= y < y1 for x, y in places)

@@ -1,4 +1,4 @@
-"""The verdict on the animals of a film: whether they are large, sharp and clear of the border."""
+"""Judge the animals of a film: whether they are large, sharp and clear of the border."""
 
 from collections.abc import Iterator, Mapping
 from math import isnan
@@ -21,7 +21,7 @@ _WINDOW = 5  # frames
 
 
 def measure_area_jumps(track: Ints, frame: Ints, area_px: Floats) -> float:
-    """Return in what percentage of the frames an animal's area is off by more than 10 %.
+    """Return the percentage of frames in which an animal's area jumps by more than 10 %.
 
     It is off from the median of five successive frames, the frame in their middle: parts of the
     animal come or go for a moment. NaN if no track has five successive frames. track, frame, area
@@ -41,7 +41,7 @@ def measure_area_jumps(track: Ints, frame: Ints, area_px: Floats) -> float:
 
 
 def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
-    """Yield the findings on the size, the outlines, the place and the parts of the animals.
+    """Yield findings on the animals' size, outlines, border and missing parts.
 
     metrics: of the stage `extract`, by name.
     """

@@ -1,4 +1,4 @@
-"""Convert a normalised clip to tracks and cut-outs of its fish (fish paper §2.1-2.2.1).
+"""Write the tracks and cut-outs of a clip's fish (fish paper §2.1-2.2.1).
 
 It connects the package `extract` to files, for the stage `extract` and the library's verb `track`.
 """
@@ -54,7 +54,7 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 
 
 class Extraction(NamedTuple):
-    """The results of a clip: facts, how many silhouettes got each verdict, how long tracks are.
+    """What extraction found in a clip: scene facts, verdict counts, and lengths of tracks.
 
     lengths: frames by track. area_jumps_pct: see `measure_area_jumps`. given: outcomes of another
     program's places; empty without such tracks. lost: numbers of the frames that could not be
@@ -73,7 +73,7 @@ def extract_tracks(
     clip: Path, p: ExtractSettings, folder: Path, workers: Workers,
     advance: Callable[[], None] = lambda: None, pieces: Checkpoints | None = None,
 ) -> Extraction:  # fmt: skip
-    """Write the tracks, cut-outs, scene and background of a clip to a folder, and return a summary.
+    """Write tracks, cut-outs, scene and background of a clip to a folder; return a summary.
 
     clip: the folder of the clip. Each of `workers` decodes and measures its own stretches;
     `advance()` is called after each frame. A frame that cannot be decoded counts as one without
@@ -95,7 +95,7 @@ def extract_tracks(
     track_ids, frames, areas = array("i"), array("i"), array("f")  # of every fish in every frame
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
-        """Yield the fish of long tracks, frame by frame; keep what the tables say of them."""
+        """Yield the fish of long tracks, frame by frame, and count what the summary needs."""
         detections = film.fill_lost_frames(
             film.detect_in_clip(stream, scene, detector, workers), lost
         )
@@ -140,7 +140,7 @@ def _open_stream(clip: Path, facts: VideoFacts, pieces: Checkpoints | None) -> f
 def _measure_clip(
     clip: Path, facts: VideoFacts, p: ExtractSettings
 ) -> tuple[Scene, film.Detector, list[film.Detections]]:
-    """Return a clip's scene, the detector of its fish, and what this finds in some sample frames.
+    """Return a clip's scene, the detector of its fish, and detections in sample frames.
 
     UndecodableError if no frame can be decoded, FinloopError if no fish is found.
     """
@@ -154,7 +154,7 @@ def _measure_clip(
 
 
 def _scene_facts(scene: Scene, typical: TypicalFish, points: int) -> SceneFacts:
-    """Return what later stages need to know of a scene, its typical fish and backbone points."""
+    """Return the facts about scene and typical fish that later stages need."""
     return SceneFacts(
         polarity=scene.polarity, noise_grey=scene.noise, threshold_grey=scene.threshold,
         typical_area_px=typical.area_px, typical_length_px=typical.length_px,
@@ -164,14 +164,14 @@ def _scene_facts(scene: Scene, typical: TypicalFish, points: int) -> SceneFacts:
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
-    """Return a sentence that says which frames (`lost`, ascending) cannot be decoded, and when."""
+    """Return a sentence that names the frames (`lost`, ascending) that cannot be decoded."""
     runs = np.split(np.array(lost), np.flatnonzero(np.diff(lost) > 1) + 1)
     named = ", ".join(f"{run[0]}-{run[-1]} ({run[0] / facts.frame_rate_hz:.2f} s)" for run in runs)
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
 
 
 def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list[Picture]:
-    """Return at most `most_samples` frames (h, w[, 3]) spread over a clip, without damaged ones.
+    """Return at most `most_samples` decodable frames (h, w[, 3]), spread over a clip.
 
     UndecodableError if none can be decoded.
     """
@@ -197,7 +197,7 @@ def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list
 def _refuse_small_disk(
     folder: Path, frames: int, sample: Sequence[film.Detections], pieces: Checkpoints | None
 ) -> None:
-    """Raise FinloopError if a disk has too little space for all results of a film.
+    """Raise FinloopError if the disk has too little space for the results of a film.
 
     frames: length of the film; sample: detections in some of its frames. While rows are put in
     order, table and cut-outs (pixels of fish with alpha) exist twice, beside the pieces.

@@ -38,7 +38,7 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
 def save_matching_tables(
     folder: Path, animator: MatchingAnimator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
-    """Write the candidates of each decision, and how well fish keep to given paths, to `folder`.
+    """Write tables of decisions and of errors from given paths; return measures by name.
 
     The files are considered.parquet and, if there are paths, path.parquet and left.parquet (where a
     fish leaves its path). swims: one per fish. edit: the edit list. Return the clearances between

@@ -1,4 +1,4 @@
-"""Pictures of `animate`: speed, turn rate and states beside the film's; the paths."""
+"""Pictures of `animate`: speeds, turn rates and states of modes and film, and paths."""
 
 from pathlib import Path
 

@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def load_extracted_film(name: str, home: Path) -> ExtractedFilm:
-    """Load the results of the stages `clip` and `extract` for one film.
+    """Return a film with the results of `clip` and `extract`.
 
     name: of the film. home: its folder, relative to those of the two stages.
     """

@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def _draw_fault(word: str, name: str, home: Path, settings: ExtractSettings) -> FaultPicture | None:
-    """Return the picture of a fault of one film; word: what the finding is about.
+    """Return a picture of a fault of one film; None if no frame shows the fault.
 
     None if no frame shows the fault, or `extract` has left out the film. name: of the film. home:
     its folder, relative to CLIP and EXTRACT.

@@ -16,7 +16,7 @@ STRIP = 10, 130  # pictures, px
 
 
 def main() -> None:
-    """Draw how distinguishable animation is from film, and the most obviously false windows.
+    """Draw how well animation and film are distinguished, and the most obviously false windows.
 
     A window is a short stretch of swimming.
     """
