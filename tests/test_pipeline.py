@@ -29,7 +29,7 @@ from finloop.base.settings import GROUPS, WORDS
 from finloop.edit.modes import MODES
 from finloop.report.figures import CHAPTERS
 from stages import code
-from stages.origins import note_origins, paths_to_note, output_paths
+from stages.origins import note_origins, output_paths, paths_to_note
 from stages.previews import choose_mode, draw_previews
 from stages.settings import FILES
 
