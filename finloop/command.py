@@ -55,7 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _make_lab_repository(folder: Path) -> int:
-    """Make a lab's own repository, print what comes next or an error; return the exit status."""
+    """Create a lab's own repository; print next steps or an error; return the exit status."""
     from finloop.lab.new import make_repository
 
     try:

@@ -1,4 +1,4 @@
-"""One view of a run: the outputs of its stages, loaded when used.
+"""Load the outputs of a run's stages, each when it is first used.
 
 Each member of `Project` imports the package that it needs inside itself. So a stage depends only on
 the packages of the members that it uses; `stages.code` reads that from this file.
@@ -47,7 +47,7 @@ PLACES = ("track_id", "frame", "x_px", "y_px")
 
 
 class EditSources(NamedTuple):
-    """An edit list, the film's facts, and the tables of the film that drawing the list needs."""
+    """An edit list, with the facts and tables of the film that are needed to draw it."""
 
     edit: pd.DataFrame  # columns of `EDIT`, a row per tick and fish
     scene: SceneFacts
@@ -57,7 +57,7 @@ class EditSources(NamedTuple):
 
 
 class Project:
-    """The results of a run's stages; each file is loaded once, at its first use.
+    """The outputs of a run's stages; each file is loaded once, when it is first used.
 
     root: the working copy, with params.yaml and data/. n is the number of rows: one per fish and
     frame of the film. As a context manager it closes the stores that it has opened. Pickled, it is
@@ -66,7 +66,7 @@ class Project:
     """
 
     def __init__(self, root: str | Path = ".") -> None:
-        """Keep the working copy's folder; nothing is loaded yet."""
+        """Set the working copy's folder; nothing is loaded yet."""
         self.root = Path(root)
         self.data = self.root / "data"
         self._run = uuid4().hex  # a worker may outlive it
@@ -82,7 +82,7 @@ class Project:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return a function and its arguments that make the project elsewhere, as pickle asks."""
+        """Return what pickle needs to make this project in another process."""
         return _unpickle, (self.root, self._run)
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class Project:
         self._stores.close()
 
     def forget(self, *names: str) -> None:
-        """Drop what the named properties have loaded, to free memory; a use loads it again."""
+        """Drop what the named properties have loaded, to free memory."""
         for name in names:
             vars(self).pop(name, None)
 
@@ -118,7 +118,7 @@ class Project:
 
     @cached_property
     def arena(self) -> Mask:
-        """Return where animals can be in the film's picture, as a mask (h, w)."""
+        """Return the mask (h, w) of the film's pixels where animals can be."""
         return load_mask(self.data / "clip" / ARENA_NAME, self.facts.width_px, self.facts.height_px)
 
     # --- extract
@@ -136,7 +136,7 @@ class Project:
         return load_record(self.data / "extract/scene.json", SceneFacts, "extract")
 
     def tracks(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return the table of tracks (n rows), with the named columns of `tracks_schema` or all."""
+        """Return the table of tracks (n rows), with all columns or the named ones."""
         from finloop.extract.table import tracks_schema
 
         key = "tracks", *(columns or ())
@@ -147,7 +147,7 @@ class Project:
 
     @cached_property
     def external_tracks(self) -> pd.DataFrame | None:
-        """Return the tracks that another program measured (n rows), or None if there are none.
+        """Return another program's tracks (n rows); None if none were given.
 
         Columns are those of `GIVEN`.
         """
@@ -172,14 +172,14 @@ class Project:
 
     @cached_property
     def identities(self) -> pd.DataFrame:
-        """Return the table of which animal each track shows, columns of `IDENTITIES`."""
+        """Return the table that says which animal each track shows, columns of `IDENTITIES`."""
         from finloop.identity.film import IDENTITIES
 
         return load_table(self.data / "identity/identities.parquet", IDENTITIES)
 
     @cached_property
     def poses(self) -> FilmPoses:
-        """Return the film's pose codes (n, c), and the shapes of the body that they stand for."""
+        """Return the film's pose codes (n, c), and the principal shapes behind them."""
         from finloop.pose.film import POSES, restore_poses
 
         folder, features = self.data / "pose", self.features
@@ -232,7 +232,7 @@ class Project:
 
     @cached_property
     def map_facts(self) -> MapFacts:
-        """Return how the distance map was made, and its unit: the film's median step."""
+        """Return facts about the distance map: how it was made, and its unit, the median step."""
         from finloop.distance.map import MapFacts
 
         return load_record(self.data / "distance/steps/facts.json", MapFacts, "distance")
@@ -267,7 +267,7 @@ class Project:
 
     @cached_property
     def row_looks(self) -> Floats:
-        """Return k numbers on the light and the skin of each row's picture, (n, k).
+        """Return k numbers on light and skin in each row's picture, (n, k).
 
         It is (2 n, k) if the project uses mirror images: their numbers follow.
         """
@@ -293,7 +293,7 @@ class Project:
 
     @cached_property
     def forecast_states(self) -> FilmStates:
-        """Return pose and motion of each row as the forecast's states, and of the mirror images.
+        """Return each row's pose and motion as states of the forecast.
 
         Mirror images are there if `row_looks` has them. FinloopError if the film shows too little.
         """
@@ -310,7 +310,7 @@ class Project:
 
     @cached_property
     def forecast_sampler(self) -> Sampler | None:
-        """Return the sampler that draws a next pose and motion, as the stage `forecast` learnt it.
+        """Return the sampler that draws the forecast's next pose and motion; None without a model.
 
         None if the film showed too little to learn from.
         """
@@ -331,7 +331,7 @@ class Project:
 
     @cached_property
     def school_rule(self) -> SchoolRule:
-        """Return the rule by which fish act on each other: the zones and steps of `calibrate`."""
+        """Return the rule by which fish react to each other: zones and steps of `calibrate`."""
         from finloop.social.rule import SOCIAL_STEPS, SchoolRule, SocialSteps
         from finloop.social.zones import Zones
 
@@ -353,7 +353,7 @@ class Project:
 
     @cached_property
     def motion_statistics(self) -> MotionStatistics:
-        """Return statistics of the film's motion, such as its turns, at the filmed size."""
+        """Return statistics of the film's motion, such as its turns, at filmed size."""
         from finloop.animate.motion import learn_motion
         from finloop.features.table import infer_delta_frames
 
@@ -361,23 +361,23 @@ class Project:
 
     @cached_property
     def film_assets(self) -> ModeAssets:
-        """Return what the modes share of a film: it at its drawn size, tank, pictures, outlines."""
+        """Return what all modes use of a film: pictures at drawn size, tank, outlines."""
         return self._prepare_assets(self.film_reel)
 
     @cached_property
     def sprite_assets(self) -> ModeAssets:
-        """Return what the modes that show sprites share: `film_assets` with the sprites."""
+        """Return what the modes with sprites use: `film_assets` together with the sprites."""
         return self._prepare_assets(self.reel)
 
     @cached_property
     def network_mode(self) -> Network:
-        """Return the flow chart of mode `network`, which mode `hybrid` uses, too."""
+        """Return the flow chart of mode `network`, which `hybrid` uses, too."""
         from finloop.modes.network import make_network
 
         return make_network(self.sprite_assets, self.motion_network, self.settings("network"))
 
     def _prepare_assets(self, reel: Reel) -> ModeAssets:
-        """Return what the modes share of the film; reel: its pictures, with or without sprites."""
+        """Return what the modes use of the film; reel: its pictures, with or without sprites."""
         from finloop.modes.animator import FilmData, prepare_mode_assets
 
         film_data = FilmData(
@@ -424,13 +424,13 @@ class Project:
         return edit
 
     def goals(self, mode: str) -> list[Goal]:
-        """Return the goals that a mode's fish swim to; empty for a mode that follows a track."""
+        """Return the goals that a mode's fish swim to; empty if it follows a path."""
         from finloop.edit.schema import Goal
 
         return load_records(self.data / f"animate/{mode}/goals.json", Goal, f"modes-{mode}")
 
     def drawn_scale(self, mode: str) -> float:
-        """Return the factor by which a mode draws its fish larger than filmed; 1 = as filmed."""
+        """Return the scale at which a mode draws its fish; 1 is as filmed."""
         path = self.data / f"animate/{mode}/drawn.json"
         return load_json(path, lambda facts: float(facts["size"]), *remake_hint(f"modes-{mode}"))
 
@@ -438,7 +438,7 @@ class Project:
         self, mode: str, stage: str, columns: Sequence[str] = PLACES, sprites: bool = False,
         bodies: bool = False,
     ) -> EditSources:  # fmt: skip
-        """Return the edit list of a mode with the film's facts and tables that drawing it needs.
+        """Return a mode's edit list with all facts and tables needed to draw it.
 
         stage: whose parameter `mode` an error message names. columns: of the table of tracks.
         sprites, bodies: load the sprites, or the fish's postures, even if the list needs none:
@@ -468,7 +468,7 @@ class Project:
 
     @cached_property
     def bodies(self) -> Bodies:
-        """Return the film's poses, by which a fish can be bent, and the rows of its sprites."""
+        """Return the film's poses, by which fish are bent, and the rows of its sprites."""
         from finloop.edit.bodies import Bodies
 
         return Bodies(self.poses, self.reel.has_next_frame, self.sprites)
@@ -479,7 +479,7 @@ class Project:
         return self._open_gallery(self.tracks(PLACES), self.sprites, self.bodies)
 
     def gallery(self, drawn: EditSources) -> Gallery:
-        """Return the pictures that one edit list draws: frames, and sprites if it needs them.
+        """Return the pictures that one edit list draws: frames, and sprites if it shows any.
 
         drawn: the edit list with its tables, from `edit_with_sources`.
         """
@@ -504,7 +504,7 @@ class Project:
 
 @lru_cache(1)
 def _unpickle(root: Path, run: str) -> Project:
-    """Return the project that another process has sent here, the same object each time.
+    """Return the project that another process has pickled, the same object for each call.
 
     root: the working copy; run: name of that process's run, a key of the cache: results that
     another run left here are not reused.

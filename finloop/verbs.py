@@ -1,4 +1,4 @@
-"""The verbs of the library, from a film to a video; `import finloop` exports them.
+"""The library's verbs, from a film to a video, as `import finloop` exports them.
 
     film = open_film("film.mp4")                    the normalised clip
     tracks = track(film)                            where every fish is, in every frame (§2.1)
@@ -121,7 +121,7 @@ class Film:
 
 @dataclass(frozen=True)
 class Tracks:
-    """The place of every fish of a film in every frame, with its cut-out.
+    """The position of every fish in every frame of a film, with its cut-out.
 
     table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
     frame. cutouts: the n pictures of these fish. background (h, w) or (h, w, 3) uint8: the empty
@@ -154,7 +154,7 @@ def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
 
 
 def _write_clip(folder: str | Path | None, **values: Any) -> Film:
-    """Write the clip that parameters of the group `clip` describe, to `folder`/clip; return it.
+    """Write the clip that parameters of `clip` describe to `folder`/clip; return it.
 
     folder: None = a temporary one. values: of the parameters, by name.
     """
@@ -178,7 +178,7 @@ def _open_store(path: Path) -> CutoutStore:
 
 
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
-    """Cut out the fish of every frame and follow each; return their tracks and cut-outs.
+    """Cut out the fish in every frame and follow each; return their tracks.
 
     Both are also written to `folder`/extract. A frame that cannot be decoded counts as one without
     fish, and a warning names it. `workers`: number of threads. `changes` override
@@ -223,7 +223,7 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
 def make_sprites(
     tracks: Tracks, features: pd.DataFrame, folder: str | Path | None = None, **changes: Any
 ) -> Reel:
-    """Choose sprites, cut-outs turned to all orientations (§3.3); return the film's reel with them.
+    """Choose sprites, cut-outs turned to all orientations (§3.3); return the reel with them.
 
     A reel holds the film's features and cut-outs, and the sprites. The sprites are also written to
     `folder`/sprites. `changes` override `finloop.sprites.settings.SpritesSettings`, for example
@@ -241,7 +241,7 @@ def make_sprites(
 
 
 def compare(reel: Reel, **changes: Any) -> FrameComparison:
-    """Compare the film's frames with each other (Eqs. 5-8); return the distances between them.
+    """Return the distances between the film's frames: how unlike they look (Eqs. 5-8).
 
     Fields of the result: pairs: similar rows, columns of `PAIRS`. steps: distances of each compared
     row to later ones of its track, columns of `STEPS`. facts: how they were compared. Pixels count
@@ -256,7 +256,7 @@ def compare(reel: Reel, **changes: Any) -> FrameComparison:
 def find_loops(
     similar: FrameComparison, features: pd.DataFrame, rate_hz: float, **changes: Any
 ) -> pd.DataFrame:
-    """Find the video loops (§4.1), which join similar frames: columns of `LOOPS`, best first.
+    """Find the video loops (§4.1), jumps between similar frames; return them, best first.
 
     similar: from `compare`. features: from `measure`. rate_hz: frames per second of the film. If
     there is no loop, a warning says which parameter would give some, and the table is empty.
@@ -272,7 +272,7 @@ def find_loops(
 
 
 def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.DataFrame:
-    """Find the gateways from film to sprites and back (§4.2, Fig. 14): columns of `GATEWAYS`.
+    """Find the gateways between film and sprites (§4.2, Fig. 14); return their table.
 
     similar: from `compare`. reel: from `make_sprites`. `changes` override
     `finloop.gateways.settings.GatewaysSettings`.
@@ -285,7 +285,7 @@ def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.Da
 
 
 def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPoses:
-    """Compute the pose of every fish in every frame as a few numbers, its pose code (n, c).
+    """Return every row's pose as a few numbers, its pose code (n, c), and the shapes behind them.
 
     The result also holds the shapes that the codes stand for. `changes` override
     `finloop.pose.settings.PoseSettings`.
@@ -323,7 +323,7 @@ def train_forecast(
 
 
 def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> SchoolRule:
-    """Measure how fish of a school swim; return the rule: their zones and their steps.
+    """Measure how fish of a school react to each other; return the rule: zones and steps.
 
     In the zones, those of Couzin et al. 2002, fish repel, align with and attract each other; a step
     is how a fish moves over a short time. If the film shows too few fish near each other, a warning
@@ -358,7 +358,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     school_rule: SchoolRule | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Let fish swim to their goals; return the edit list: what is shown of each fish at each tick.
+    """Animate fish that swim to their goals; return the edit list.
 
     Its columns are `EDIT`, its rows one per tick and fish; a tick is one frame of the animation.
 
@@ -414,7 +414,7 @@ GROUPS_OF = {
 
 
 def _group_settings(groups: tuple[str, ...], changes: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of each group; a change applies to the last group that has its name.
+    """Return the settings of each group; a change applies to the last group that knows its name.
 
     groups: names of groups of parameters. changes: values by the name of the parameter; the last
     group gets unknown names, and refuses them.

@@ -41,7 +41,7 @@ def paths_to_note(stage: Mapping[str, Any]) -> list[str]:
 
 
 def note_origins(name: str) -> None:
-    """Write made_from.yaml, with digests of `paths_to_note`, in the first folder that a stage wrote.
+    """Write made_from.yaml, digests of `paths_to_note`, into the first folder that a stage wrote.
 
     name: of the stage in dvc.yaml. Nothing is written for another name, or without such paths.
     """

@@ -1,4 +1,4 @@
-"""Work done by the workers of a Dask cluster, on this machine or on many.
+"""Let workers of a Dask cluster compute, on this machine or on many.
 
 `base.parallel` submits pieces and takes their results in order; these are the workers that it
 submits to. They share a folder with the stage, and are reached by the scheduler's address. A piece

@@ -1,4 +1,4 @@
-"""Parameters of `cluster`: where the work is done. No result depends on them, and no stage does."""
+"""Parameters of `cluster`: where work is computed. No result depends on them."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
@@ -23,7 +23,7 @@ class DefaultWorkers:
 
 @dataclass(frozen=True)
 class LocalWorkers:
-    """A Dask cluster on this machine, started for the stage: a worker per thread of the machine."""
+    """A Dask cluster started on this machine for the stage, one worker per thread."""
 
     source: Literal["local"]
 

@@ -1,4 +1,4 @@
-"""The workers of a Dask cluster, as `base.parallel.Workers`, and what they do with a piece of work.
+"""Dask workers as `base.parallel.Workers`: connect to them, check them, and let them compute.
 
 A scheduler need not have this program: it gets a call as bytes, and `pickle.loads`, which exists
 everywhere and makes the call. It keeps all submitted items: if a worker leaves, the others take its
@@ -53,7 +53,7 @@ _FOLDER = "data"  # below the stage's folder: where the work lies for the worker
 
 @dataclass(frozen=True)
 class WorkerHome:
-    """What a worker must have in common with the submitting process, for equal results.
+    """What workers must share with the submitting process so that results are equal.
 
     folder: the stage's working folder, absolute, shared by all workers. start: the command that
     starts a worker there. facts: about code, packages, processor and thread counts, by name.
@@ -65,7 +65,7 @@ class WorkerHome:
 
     @classmethod
     def from_process(cls, folder: Path, start: str, variables: Iterable[str]) -> "WorkerHome":
-        """Return what workers must have in common with this process, which works in `folder`.
+        """Return what workers must share with this process, which works in `folder`.
 
         start: the command that starts a worker there. variables: names, in capitals, of the
         environment variables that workers must share.
@@ -93,7 +93,7 @@ class WorkerHome:
 
 
 def _describe_worker() -> str:
-    """Return a phrase that names this worker, for messages: its number, machine and folder."""
+    """Return a phrase for messages that names this worker: its number, machine and folder."""
     return f"worker process {os.getpid()} of {socket.gethostname()}, in {_ROOT},"
 
 
@@ -128,19 +128,19 @@ def _package_version(package: str) -> str:
 
 
 class DeferredCall:
-    """A function with arguments; unpickling the call makes it and returns the result."""
+    """A function with arguments that is called when this object is unpickled."""
 
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Store the function and its arguments."""
         self._call = function, arguments
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        """Return the function and its arguments, which pickle calls on loading."""
+        """Return the function and arguments that pickle calls on loading."""
         return self._call
 
 
 def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
-    """Apply a function to one pickled item, on a worker; return the pickled result.
+    """Apply a pickled function to a pickled item, on a worker; return the pickled result.
 
     home: what workers must have in common with the submitting process. work: path of the file that
     holds the pickled function. FinloopError if this worker differs from `home`, or does not see the
@@ -150,7 +150,7 @@ def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
 
 
 def _prepare_worker(home: WorkerHome, work: str) -> Callable[[Any], Any]:
-    """Check and set up this worker; return the function that is pickled in the file `work`.
+    """Check and set up this worker; return the function pickled in the file `work`.
 
     The worker must equal the submitting process (`home`), enters the shared folder, and gets one
     OpenCV thread. FinloopError if it differs, or does not see the file.
@@ -266,7 +266,7 @@ class DaskWorkers:
 
     @contextmanager
     def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
-        """Share a function with the workers; yield another that submits one item to it.
+        """Share a function with the workers; yield `submit(item)`, which returns a pending result.
 
         The latter returns the item's pending result. work: the function, applied to each item.
         """
@@ -281,7 +281,7 @@ class DaskWorkers:
                 )
 
                 def send_item() -> Any:
-                    """Send the item to the scheduler, again if need be; return Dask's future."""
+                    """Send the item to the scheduler, with retries; return Dask's future."""
                     key = f"piece-{name}-{next(numbers)}"
                     try:
                         return self.client.submit(pickle.loads, call, key=key, pure=False)
@@ -293,7 +293,7 @@ class DaskWorkers:
             yield submit
 
     def check_workers(self, modules: Sequence[str]) -> None:
-        """Let every worker check its folder and code, and import modules, given by name.
+        """Let every worker check its folder and code, and import modules by name.
 
         FinloopError names all workers that differ from this process. An exception of another kind,
         see `refusal_error`, is raised again.
@@ -312,7 +312,7 @@ class DaskWorkers:
 
     @contextmanager
     def _share_work(self, work: Callable[[A], B] | None) -> Iterator[str]:
-        """Write a function to a file in the shared folder, and yield the file's path.
+        """Write a function to a file in the shared folder; yield the file's path.
 
         The file is removed when the block ends.
         """
@@ -321,7 +321,7 @@ class DaskWorkers:
             yield str(path)
 
     def refusal_error(self, error: Exception) -> FinloopError:
-        """Convert the exception of a worker that cannot work to an error for the user.
+        """Return the error for the user when a worker cannot work; raise other exceptions again.
 
         An exception other than FinloopError, ImportError and AttributeError is raised again.
         """
@@ -336,7 +336,7 @@ class DaskWorkers:
         raise error
 
     def lost_scheduler_error(self) -> FinloopError:
-        """Return the error for a scheduler that has stopped answering."""
+        """Return the error that the scheduler has stopped answering."""
         return FinloopError(
             f"the scheduler at {self.address} has stopped answering",
             "a scheduler that runs until the stage has ended",
@@ -344,7 +344,7 @@ class DaskWorkers:
         )
 
     def no_worker_error(self) -> FinloopError:
-        """Return the error for a scheduler that has had no worker for two minutes."""
+        """Return the error that the scheduler has had no worker for two minutes."""
         return FinloopError(
             f"the scheduler at {self.address} has had no worker for {_BACK_S:.0f} s",
             "at least one worker",
@@ -353,7 +353,7 @@ class DaskWorkers:
 
 
 class _SubmittedItem:
-    """One item that was submitted to Dask's scheduler."""
+    """One item that was submitted to Dask's scheduler, and its pending result."""
 
     def __init__(self, workers: DaskWorkers, submit: Callable[[], Any]) -> None:
         """Call `submit`, which sends the item to the scheduler and returns its future."""
@@ -398,7 +398,7 @@ class _SubmittedItem:
 
 
 def _pickle_bytes(value: Any) -> bytes:
-    """Return a value as pickled bytes, with the code of what the program's main module defines."""
+    """Return a value as pickled bytes, including code defined in the program's main module."""
     return import_module("cloudpickle").dumps(value)
 
 

@@ -1,4 +1,4 @@
-"""Planar curves (curve paper §2.2): closed and open contours, their orientation, equal arc length.
+"""Planar curves, closed or open: area, orientation, equal arc lengths (curve paper §2.2).
 
 x is right and y is down, as on a screen and in SVG. The paper's curves run clockwise; as seen on
 such a screen that is the direction of positive `signed_area`.
@@ -12,7 +12,7 @@ from finloop.base.errors import FinloopError
 
 
 def signed_area(curve: Curve) -> float:
-    """Return the area within a curve's polygon, positive if it runs clockwise on screen.
+    """Return the area within a curve, positive if it runs clockwise on screen.
 
     In the square of the points' unit; y is down. Clockwise is the paper's orientation (§2.2). An
     open curve is closed by its chord.
@@ -22,7 +22,7 @@ def signed_area(curve: Curve) -> float:
 
 
 def next_corners(values: Floats) -> Floats:
-    """Return values (n, …) at the corners of a closed polygon, each that of the next corner.
+    """Return values (n, …) at a closed polygon's corners, each replaced by the next corner's.
 
     It is numpy.roll(values, -1, axis=0) in a fifth of its time, which short curves notice.
     """
@@ -30,7 +30,7 @@ def next_corners(values: Floats) -> Floats:
 
 
 def area_centroids(points: Floats) -> Floats:
-    """Return the centres (…, 2) of the areas within closed polygons (…, n, 2), in their unit."""
+    """Return the centroids (…, 2) of the areas of closed polygons (…, n, 2)."""
     corner = points - points[..., :1, :]
     next_corner = np.roll(corner, -1, axis=-2)
     cross = corner[..., 0] * next_corner[..., 1] - corner[..., 1] * next_corner[..., 0]
@@ -67,7 +67,7 @@ def resample_curve(curve: Curve, n: int) -> Curve:
 
 
 def nearest_on_curve(points: Floats, curve: Curve) -> tuple[Floats, Floats]:
-    """Return the nearest place (m,) on a curve for each point (m, 2), and the gap (m, 2) from it.
+    """Return each point's nearest position (m,) on a curve, and the gap (m, 2) from there to it.
 
     A place is the number of a point of the curve plus the share of the way to the next. A gap leads
     from the place to the point.

@@ -1,4 +1,4 @@
-"""Deformation of a curve by its stiffness (curve paper §3.1, §3.3): M q̈ + C q̇ + K q = Q (Eq. 3.3).
+"""Move a curve by its stiffness: M q̈ + C q̇ + K q = Q (curve paper §3.1, §3.3, Eq. 3.3).
 
 Glossary: *rest* u₀ (n, d) the natural shape; *displacement* u from it; ρ *density*, e₀ *elastic*,
 s₁ *mass_damping*, s₂ *stiffness_damping*; Q a constant force per length, such as gravity.
@@ -61,7 +61,7 @@ class Material:
 
 @dataclass(frozen=True)
 class Problem:
-    """A curve of n points, a power of two, that is bent and released at times[0].
+    """A curve of n points, bent and released at times[0], whose motion is wanted.
 
     rest (n, d): its shape without force; displacement (n, d) from it at times[0], and velocity (n,
     d), None = 0. times (t,): ascending, at which the motion is wanted. force: constant, (n, d), or
@@ -77,12 +77,12 @@ class Problem:
     wavelet: str = "coif2"
 
     def state_at_start(self) -> Floats:
-        """Return displacement and velocity of the points at times[0], (2, n, d)."""
+        """Return displacement and velocity of the points at the start, (2, n, d)."""
         u, v = self.displacement, self.velocity
         return np.stack([u, np.zeros_like(u) if v is None else v])
 
     def force_on_points(self) -> Floats:
-        """Return the force Q (n, d) on every point."""
+        """Return the constant force Q (n, d) on every point."""
         return np.zeros_like(self.displacement) + (0 if self.force is None else self.force)
 
 
@@ -104,7 +104,7 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion of a curve: displacements from rest and velocities, each (t, n, d), and their error.
+    """The motion of a curve: displacements from rest, velocities, (t, n, d) each, and their error.
 
     `error` is the largest deviation of the displacement from the exact one of the same level,
     relative to the largest exact displacement.
@@ -119,7 +119,7 @@ class Trajectory:
 def solve_motion(
     problem: Problem, method: str = "modal", options: SolverOptions | None = None, level: int = 0
 ) -> Trajectory:
-    """Return the motion of a curve that is bent and released: M q̈ + C q̇ + K q = Q (Eq. 3.3).
+    """Return the motion of a bent and released curve: M q̈ + C q̇ + K q = Q (Eq. 3.3).
 
     q is the displacement from rest, Q the force; M, C, K are mass, damping and stiffness. method:
     "modal" is exact. "runge-kutta" has adaptive steps (Eq. 3.15). "explicit-euler" and
@@ -150,7 +150,7 @@ def solve_motion(
 
 
 def _coarsen_problem(problem: Problem, level: int) -> Problem:
-    """Return a problem of the n / 2^level control points of a curve: c of Eq. 3.6 without d."""
+    """Return the problem of a curve's n / 2^level control points (c of Eq. 3.6, without d)."""
     rest, u, v, q = (
         control_points(points, problem.wavelet, level)
         for points in (problem.rest, *problem.state_at_start(), problem.force_on_points())
@@ -160,7 +160,7 @@ def _coarsen_problem(problem: Problem, level: int) -> Problem:
 
 
 def convert_problem(problem: Problem, method: str = "modal") -> Problem:
-    """Return a problem with its fields as arrays; FinloopError if the method cannot solve it."""
+    """Return a problem with arrays as fields; FinloopError if the method cannot solve it."""
     material = problem.material
     rest, u, times = (
         np.asarray(field, np.float64)
@@ -207,7 +207,7 @@ def convert_problem(problem: Problem, method: str = "modal") -> Problem:
 
 @dataclass(frozen=True)
 class Oscillators:
-    """Independent oscillators, m in number: one density ρ, dampings c (m,), stiffnesses k (m,)."""
+    """m independent oscillators: one density ρ, dampings c (m,), stiffnesses k (m,)."""
 
     density: float
     damping: Floats
@@ -215,7 +215,7 @@ class Oscillators:
 
 
 class Response(NamedTuple):
-    """Factors (t, m) from which places and speeds of m oscillators at t times are computed.
+    """Factors (t, m) that give positions and speeds of m oscillators at t times.
 
     The place is of_place · a₀ + of_speed · v₀ + of_force · Q, with a₀, v₀ the first place and speed
     and Q the constant force. The three `_rate` fields give the speed in the same way.
@@ -268,7 +268,7 @@ def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = 
 
 
 def _massless_response(oscillators: Oscillators, t: Floats) -> Response:
-    """Return the factors (t, m) of oscillators without mass at times t (t, 1).
+    """Return the factors (t, m) for oscillators without mass at times (t, 1).
 
     There is one root, −k / c: the place creeps, and the first speed has no effect.
     """
@@ -280,12 +280,12 @@ def _massless_response(oscillators: Oscillators, t: Floats) -> Response:
 
 
 def _mean_of_decay(x: Floats) -> Floats:
-    """Return the mean of e^−s for s from 0 to x, (1 − e^−x) / x; it is 1 at 0."""
+    """Return the mean of e^−s over s from 0 to x: (1 − e^−x) / x, and 1 at x = 0."""
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
 
 
 def _force_response(total: Floats, product: Floats, slow: Floats, decayed_place: Floats) -> Floats:
-    """Return how far a constant force of 1 moves oscillators from rest, in units of time²/density.
+    """Return how far a constant force of 1 moves oscillators from rest [time² / density].
 
     −x and −y are the two roots of the characteristic polynomial, each multiplied by the time since
     the start; they are complex where the oscillator swings. total = x + y, product = xy; slow: the
@@ -311,7 +311,7 @@ def _force_response(total: Floats, product: Floats, slow: Floats, decayed_place:
 def oscillator_motion(
     oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Numbers | None
 ) -> tuple[Numbers, Numbers]:
-    """Return exact places and speeds, (t, m, d) each, of m oscillators under a constant force.
+    """Return exact positions and speeds (t, m, d) of m oscillators under a constant force.
 
     a, v (m, d): places and speeds at the start, real or complex as Fourier coefficients are; times
     (t,): since the start; force (m, d), None = 0.
@@ -329,7 +329,7 @@ def oscillator_motion(
 
 
 class Basis(NamedTuple):
-    """A basis for the coefficients of a curve in which the stiffness K is, or counts as, diagonal.
+    """A basis of coefficients of a curve in which the stiffness K is treated as diagonal.
 
     transform: from points (n, d) to coefficients (m, d); inverse: its inverse, from (…, m, d) to
     (…, n, d); k: the diagonal (m,) of the stiffness K.
@@ -351,14 +351,14 @@ def fourier_basis(problem: Problem) -> Basis:
 
 
 def curve_oscillators(basis: Basis, material: Material) -> Oscillators:
-    """Return the oscillators of a curve: one for each coefficient of a basis."""
+    """Return one oscillator for each coefficient of a curve in a basis."""
     mass = material.density or 1.0  # without mass, mass_damping multiplies I, see `Material`
     damping = material.mass_damping * mass + material.stiffness_damping * basis.k
     return Oscillators(material.density, damping, basis.k)
 
 
 def _solve_modal(problem: Problem) -> Trajectory:
-    """Return the exact motion, in the Fourier basis."""
+    """Return the exact motion, computed in the Fourier basis."""
     return _solve_in_basis(fourier_basis(problem), problem)
 
 
@@ -374,7 +374,7 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Trajectory:
 
 
 def _solve_in_basis(basis: Basis, problem: Problem) -> Trajectory:
-    """Return the motion of a curve: one independent oscillator for each coefficient of a basis."""
+    """Return a curve's motion as one independent oscillator for each coefficient of a basis."""
     u, v = problem.state_at_start()
     oscillators = curve_oscillators(basis, problem.material)
     force = None if problem.force is None else basis.transform(problem.force_on_points())
@@ -423,7 +423,7 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Trajectory
     start = system.transform(problem.state_at_start())
 
     def slope(time: float, state: Floats) -> Floats:
-        """Return the rate of change of a state, coefficients and their rates, as one flat array."""
+        """Return the time derivative of a state: coefficients and their rates, one flat array."""
         q, rate = state.reshape(2, *shape)
         resistance = system.k @ q + system.c @ rate
         acceleration = (system.force - resistance) / density
@@ -456,7 +456,7 @@ def solve_by_runge_kutta(problem: Problem, options: SolverOptions) -> Trajectory
 
 
 def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> Trajectory:
-    """Return the motion of a curve without mass, C q̇ + K q = Q, by Euler's steps (§3.3).
+    """Return the motion of a massless curve, C q̇ + K q = Q, by Euler's steps (§3.3).
 
     Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for stable steps.
     Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q): stable at any Δt. FinloopError if the times are
@@ -484,7 +484,7 @@ def solve_by_euler(problem: Problem, options: SolverOptions, implicit: bool) -> 
 
 
 def _euler_step(times: Floats, substeps: int) -> float:
-    """Return Δt, the length of Euler's steps, of which there are `substeps` from time to time.
+    """Return the time step Δt of Euler's method: `substeps` of them lie between two times.
 
     FinloopError if the times are not evenly spaced, or `substeps` is below 1.
     """
@@ -500,7 +500,7 @@ def _euler_step(times: Floats, substeps: int) -> float:
 
 
 def _refuse_unstable_step(k: csr_array, material: Material, step: float, substeps: int) -> None:
-    """Raise FinloopError if explicit Euler's steps are too long to be stable.
+    """Raise FinloopError if the time step of explicit Euler is too long to be stable.
 
     k: the stiffness matrix K; step: Δt; substeps: number of steps between two times.
     """
@@ -516,7 +516,7 @@ def _refuse_unstable_step(k: csr_array, material: Material, step: float, substep
 
 
 def _build_solver(matrix: csr_array, method: str) -> Callable[[Floats], Floats]:
-    """Return a function that solves matrix · x = right for x.
+    """Return a function that solves matrix · x = b for x.
 
     method: "sparse" factors or "schulz" iteration. FinloopError for any other method.
     """
@@ -530,7 +530,7 @@ def _build_solver(matrix: csr_array, method: str) -> Callable[[Floats], Floats]:
 
 
 def invert_by_schulz(matrix: Floats) -> tuple[Floats, int, float]:
-    """Return a matrix C's inverse X, the number of iterations, and the largest entry of |I − XC|.
+    """Return a matrix's inverse X, the number of iterations, and the largest entry of |I − C X|.
 
     The method is Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖, until that entry is at most
     SCHULZ_TOLERANCE. The paper names no norm; this one is the largest row sum, which bounds every

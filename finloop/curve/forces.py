@@ -1,4 +1,4 @@
-"""Curves that move in fields of force: gravity, wind, attraction, a floor (curve paper §3.1, §4.2).
+"""Move curves under forces: gravity, wind, attraction, a floor (curve paper §3.1, §4.2).
 
 Q of Eq. 3.3 is constant or a function of place and time. Its linear part, drag × velocity and
 attraction × place, joins C and K, so it is solved exactly, as in `curve.dynamics`. What is left
@@ -33,7 +33,7 @@ AT_REST = 0.01
 
 @dataclass(frozen=True)
 class Wind:
-    """Air that pulls each point along with `drag` × (velocity of the air − velocity of the point).
+    """A wind that pulls each point with `drag` × (velocity of the air − velocity of the point).
 
     gust: share of the wind's speed. With it, eddies travel with the wind (Taylor's frozen
     turbulence): at a place the wind gains gust × speed in a direction that turns round once while
@@ -46,7 +46,7 @@ class Wind:
     gust_length: float = 1.0
 
     def gust_velocity(self, places: Floats, time: float) -> Floats:
-        """Return the velocity (…, 2) of the gusts at places (…, 2) and a time."""
+        """Return the velocity (…, 2) that gusts add to the wind at positions (…, 2) and a time."""
         along = np.asarray(self.velocity)
         speed = float(np.hypot(*along)) or 1.0
         across = np.array([-along[1], along[0]])
@@ -56,7 +56,7 @@ class Wind:
 
 @dataclass(frozen=True)
 class Attraction:
-    """A pull of each point of a curve to the nearest of `points` (m, 2): `strength` × its offset.
+    """A pull of each point of a curve to the nearest of `points` (m, 2): strength × distance.
 
     points: one, or those of a curve, as close together as the motion shall be smooth.
     """
@@ -67,7 +67,7 @@ class Attraction:
 
 @dataclass(frozen=True)
 class Forces:
-    """Forces per length on curves in the plane, y down, in units of the drawing and of time.
+    """Forces per length on curves, y down, in units of the drawing and of time.
 
     gravity: acceleration; it moves nothing without density. floor: its y, below which no point
     goes. A point that hits it stops there, without a bounce; `friction` is the share of the lost
@@ -83,7 +83,7 @@ class Forces:
     is_held: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Raise FinloopError for numbers that are not finite, or are negative."""
         sizes = [self.friction, *(pull.strength for pull in self.attractions)]
         sizes += [size for wind in self.winds for size in (wind.drag, wind.gust, wind.gust_length)]
         places = [*self.gravity, 0.0 if self.floor is None else self.floor]
@@ -99,17 +99,17 @@ class Forces:
 
     @property
     def drag(self) -> float:
-        """Return the drag of all winds."""
+        """Return the summed drag of all winds."""
         return sum(wind.drag for wind in self.winds)
 
     @property
     def pull(self) -> float:
-        """Return the strength of all attractions."""
+        """Return the summed strength of all attractions."""
         return sum(attraction.strength for attraction in self.attractions)
 
 
 class _Field(NamedTuple):
-    """What forces do beyond drag × velocity and attraction × place, per length.
+    """The part of the forces that is not linear in velocity and position, per length.
 
     constant (n, k, 2): what does not change; varying: the rest, from places (n, k, 2) and a time,
     None if there is none.
@@ -120,7 +120,7 @@ class _Field(NamedTuple):
 
 
 def _split_forces(forces: Forces, density: float, rest: Floats) -> _Field:
-    """Return the constant and the varying part of the forces on curves with rest shapes (n, k, 2).
+    """Return the constant and the varying part of forces on curves at rest (n, k, 2).
 
     density: of the curves. The linear part is in `Forces.drag` and `Forces.pull`.
     """
@@ -140,7 +140,7 @@ def _split_forces(forces: Forces, density: float, rest: Floats) -> _Field:
     gusty = [wind for wind in forces.winds if wind.gust]
 
     def vary(places: Floats, time: float) -> Floats:
-        """Return the force per length (n, k, 2) that depends on places and time."""
+        """Return the part (n, k, 2) of the force that varies with positions and time."""
         total = np.zeros_like(places)
         for wind in gusty:
             total += wind.drag * wind.gust_velocity(places, time)
@@ -153,7 +153,7 @@ def _split_forces(forces: Forces, density: float, rest: Floats) -> _Field:
 
 
 def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 4) -> Trajectory:
-    """Return the motion of curves in fields of force: M q̈ + C q̇ + K q = Q(q, q̇, t) (Eq. 3.3).
+    """Return the motion of curves under forces: M q̈ + C q̇ + K q = Q(q, q̇, t) (Eq. 3.3).
 
     problem: of k curves beside each other, d = 2k, x and y of each in turn; its times are evenly
     spaced, its own force is added to the others. substeps: steps between two times. FinloopError if
@@ -193,7 +193,7 @@ def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 4) -> Traj
     constant = basis.transform(field.constant.reshape(n, -1) + problem.force_on_points())
 
     def push(places: Numbers, time: float) -> Numbers:
-        """Return the coefficients of the force at the coefficients of a displacement."""
+        """Return the force's coefficients, from the coefficients of a displacement."""
         if field.varying is None:
             return constant
         places_now = rest + basis.inverse(places).reshape(rest.shape)
@@ -218,7 +218,7 @@ def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 4) -> Traj
 
 
 def _advance(factors: Numbers, state: Numbers, force: Numbers) -> Numbers:
-    """Return places and speeds (2, m, d) of oscillators after a step with a constant force.
+    """Return positions and speeds (2, m, d) of oscillators after one step with a constant force.
 
     factors: of place, speed and force, (3, 2, m, 1); with (3, m, 1) places (m, d) are returned.
     """
@@ -226,7 +226,7 @@ def _advance(factors: Numbers, state: Numbers, force: Numbers) -> Numbers:
 
 
 class _Hold(NamedTuple):
-    """Held points (h,) of a curve, and what the forces do that bring them back in a step.
+    """Held points (h,) of a curve, and the response of all points that brings them back in a step.
 
     back (2, n, h): change of places and speeds of all points, for each held point that is 1 away.
     """
@@ -237,7 +237,7 @@ class _Hold(NamedTuple):
 
 
 def _find_holds(is_held: NDArray[np.bool_] | None, response: Floats) -> list[_Hold]:
-    """Return the holds of the curves that have some.
+    """Return the holds of those curves that have held points.
 
     is_held (n, k); response (2, n): how a force of 1 on point 0 changes the places and speeds of
     all points in a step.
@@ -253,7 +253,7 @@ def _find_holds(is_held: NDArray[np.bool_] | None, response: Floats) -> list[_Ho
 
 
 def _constrain(state: Floats, rest: Floats, forces: Forces, holds: Sequence[_Hold]) -> bool:
-    """Bring held points back, and set points onto the floor; return whether any moved.
+    """Put held points back, and points below the floor onto it; return whether any moved.
 
     state (2, n, k, 2): displacements and velocities, changed in place; rest (n, k, 2).
     """
@@ -276,7 +276,7 @@ def _constrain(state: Floats, rest: Floats, forces: Forces, holds: Sequence[_Hol
 
 
 def find_rest_time(motion: Trajectory) -> float | None:
-    """Return from when on a curve is at rest: its speed stays below AT_REST of its top speed.
+    """Return the time from which a curve is at rest: slower than AT_REST of its top speed.
 
     Speeds are the RMS of all points, from each time to the next, as a viewer sees them. None if the
     curve does not come to rest.

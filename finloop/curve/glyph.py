@@ -1,4 +1,4 @@
-"""Outlines of letters and digits as test curves, from matplotlib's fonts."""
+"""Outlines of letters and digits from matplotlib's fonts, as test curves."""
 
 import numpy as np
 from matplotlib.font_manager import FontProperties

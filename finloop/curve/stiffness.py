@@ -1,4 +1,4 @@
-"""Stiffness of a curve in wavelet bases (curve paper §3.2, Eqs. 3.3–3.14; Tables 1, 2; Fig. 3).
+"""Compute a curve's stiffness in wavelet bases (§3.2, Eqs. 3.3–3.14; Tables 1, 2; Fig. 3).
 
 Glossary: μ_l, ν_l = ∫ φ'(x − l) φ'(x), ∫ ψ'(x − l) ψ'(x), the *connection coefficients*; *n*
 functions round the curve, a power of two; e₀ *elastic*, ρ *density*, s₁, s₂ damping (Eq. 3.5).
@@ -85,7 +85,7 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
 
 
 def _refinement_matrix(alpha: Floats, size: int) -> Floats:
-    """Return the matrix T_lk = α_{2l − k} / 2, |l|, |k| < size: how refinement maps inner products.
+    """Return the matrix α_{2l − k} / 2, |l|, |k| < size, by which refinement maps inner products.
 
     alpha (P + 1,): autocorrelation of the low filter, which is 0 beyond P.
     """
@@ -95,7 +95,7 @@ def _refinement_matrix(alpha: Floats, size: int) -> Floats:
 
 
 def _sobolev_smoothness(alpha: Floats) -> float:
-    """Return how smooth a wavelet's scaling function φ is: its Sobolev exponent s, at most 2.
+    """Return the Sobolev exponent s, at most 2, of a wavelet's scaling function φ.
 
     φ lies in H^r for every r < s. alpha (P + 1,): autocorrelation of the low filter at lags 0 … P.
     The method is Villemoes's (1992). If every straight line is a sum of shifted φ, the transfer
@@ -173,7 +173,7 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
 
 
 def _first_rows_of_scales(wavelet: str, n: int, levels: int, elastic: float) -> Floats:
-    """Return the rows of K that belong to the first function of each scale, (scales, n).
+    """Return the rows (scales, n) of K for the first basis function of each scale.
 
     K is the stiffness matrix in the wavelet basis. Its rows are found without it: the circulant K
     in the basis of φ is applied to these functions. n: points of the curve; levels: halvings;
@@ -191,7 +191,7 @@ def _first_rows_of_scales(wavelet: str, n: int, levels: int, elastic: float) -> 
 
 
 def _block_entries(first_row: Floats, scale: slice, finer: slice) -> tuple[Ints, Ints, Floats]:
-    """Return rows, columns and values (k,) of the nonzero entries in a block of K.
+    """Return rows, columns and values (k,) of the nonzero entries in one block of K.
 
     scale: rows of the block; finer: its columns, of the same scale or a finer one; first_row: its
     first row. Each other row is the row before, moved on round the curve by as many columns as
@@ -207,6 +207,6 @@ def _block_entries(first_row: Floats, scale: slice, finer: slice) -> tuple[Ints,
 
 
 def off_diagonal_share(matrix: csr_array) -> float:
-    """Return the share, 0-1, of a matrix's summed squares that lies off its diagonal."""
+    """Return the share (0-1) of a matrix's sum of squares that lies off its diagonal."""
     total = float((matrix.data**2).sum())
     return 1 - float((matrix.diagonal() ** 2).sum()) / total

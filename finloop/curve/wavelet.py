@@ -1,4 +1,4 @@
-"""The periodized wavelet transform of curves (curve paper §2, Eqs. 2.1–2.12), batched.
+"""Transform curves by periodized wavelets (curve paper §2, Eqs. 2.1–2.12), many at once.
 
 Glossary: *n* points of a curve, a power of two; *levels* how often the transform halves; *scale* a
 run of n / 2^m coefficients. One array of n holds the coefficients, coarse to fine (the order of
@@ -29,7 +29,7 @@ _MODE = "periodization"  # of PyWavelets: curves are closed
 
 @cache
 def find_wavelet(name: str) -> pywt.Wavelet:
-    """Return a wavelet with its filters: CUBIC, or one of PyWavelets' discrete ones, such as "db4".
+    """Return the wavelet with a name, CUBIC or one of PyWavelets such as "db4", and its filters.
 
     FinloopError if the name is unknown, or the wavelet's filters do not reconstruct a curve.
     """
@@ -83,7 +83,7 @@ def count_halvings(n: int) -> int:
 
 
 def wavelet_for_transform(name: str, n: int, levels: int) -> pywt.Wavelet:
-    """Return a wavelet by its name, if it can transform a curve of n points over so many levels.
+    """Return a wavelet by name if it can transform n points over so many levels.
 
     FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
     longer than the curve: then no coefficient would be local.
@@ -105,7 +105,7 @@ def wavelet_for_transform(name: str, n: int, levels: int) -> pywt.Wavelet:
 
 
 def scale_slices(n: int, levels: int) -> list[slice]:
-    """Return which of n wavelet coefficients belong to each scale: levels + 1 slices.
+    """Return the slice of each scale in n wavelet coefficients: levels + 1 of them.
 
     The approximation comes first, then the details from coarse to fine.
     """
@@ -114,7 +114,7 @@ def scale_slices(n: int, levels: int) -> list[slice]:
 
 
 def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
-    """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
+    """Return the wavelet coefficients (…, n, k) of closed curves (…, n, k) (Eq. 2.8).
 
     The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
     details from coarse to fine. levels: how often the points are halved. FinloopError if n cannot
@@ -129,7 +129,7 @@ def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
 
 
 def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats:
-    """Return the points (…, n, k) of wavelet coefficients (…, n, k) (Eq. 2.9).
+    """Return the points (…, n, k) that have given wavelet coefficients (…, n, k) (Eq. 2.9).
 
     This undoes `wavelet_transform` with the same wavelet and levels. FinloopError if n cannot be
     halved so often, or the wavelet is longer than the curve.
@@ -144,7 +144,7 @@ def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats
 
 
 def close_by_mirroring(points: Floats) -> Floats:
-    """Return closed curves (…, 2n, k) that follow open curves (…, n, k) there and back.
+    """Return closed curves (…, 2n, k) that run along open ones (…, n, k) there and back.
 
     A periodized transform joins the last point to the first: a jump in an open curve, which would
     pull its ends towards each other.
@@ -153,7 +153,7 @@ def close_by_mirroring(points: Floats) -> Floats:
 
 
 def control_points(points: Floats, wavelet: str, level: int) -> Floats:
-    """Return the control points (…, n / 2^level, k) of closed curves (…, n, k): a coarse version.
+    """Return the control points (…, n / 2^level, k), a coarse version, of closed curves (…, n, k).
 
     They are the approximation coefficients of Eq. 2.11, divided by √2 for each level, as the
     filters multiply a constant by that.
@@ -163,7 +163,7 @@ def control_points(points: Floats, wavelet: str, level: int) -> Floats:
 
 
 def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:
-    """Return the smooth closed curves (…, n · 2^level, k) with control points (…, n, k).
+    """Return the smooth closed curves (…, n · 2^level, k) that control points (…, n, k) make.
 
     All their details are 0, so `control_points` returns the same control points.
     """

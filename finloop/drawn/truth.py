@@ -1,4 +1,4 @@
-"""The ground truth of a drawn film: one row per fish per frame, sorted by frame, then fish.
+"""The table of a drawn film's ground truth: a row per fish per frame.
 
 Columns whose names do not explain them: `bend` is the signed area between the midline and its
 chord per squared body length; `curvature_deg` the direction of the midline at the head minus that

@@ -1,1 +1,1 @@
-"""What is measured of each fish in each frame (fish paper §2.2-2.3)."""
+"""Measure each fish in each frame: its bend, heading, motion and swimming type (§2.2-2.3)."""

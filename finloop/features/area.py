@@ -1,4 +1,4 @@
-"""Motion area: how much a fish is bent (fish paper §2.2, Fig. 2).
+"""Measure the motion area: how much a fish is bent (fish paper §2.2, Fig. 2).
 
 Six control points on the backbone - head end, 1/6, 1/3, 1/2, 5/6, tail end - make a closed uniform
 cubic B-spline. The area it encloses grows with the bend. A straight fish encloses nothing.
@@ -30,7 +30,7 @@ def control_points(backbone: Reals) -> Floats:
 
 
 def interpolate_lines(lines: Reals, places: Floats) -> Floats:
-    """Return points (rows, k, 2) at k places along each line (rows, n, 2), interpolated linearly.
+    """Return points (rows, k, 2) at k fractional point numbers along lines (rows, n, 2).
 
     places (k,): counted in points, 0 … n − 1; 2.5 is half way between points 2 and 3.
     """

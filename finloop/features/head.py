@@ -1,4 +1,4 @@
-"""Which end is the head, decided once for a whole track.
+"""Decide which end of a backbone is the head, once for a whole track.
 
 The paper locates head and tail without saying how. A decision frame by frame flips; so each frame
 only gives evidence, and the most probable sequence of a two-state hidden Markov model decides
@@ -33,7 +33,7 @@ _AGAINST_BLUNT = 3.0
 
 
 class HeadCues(NamedTuple):
-    """What shows which end of an animal is its head."""
+    """The cues that show which end of an animal is its head."""
 
     width: int = 1  # 1: the head is the blunt end; −1: the thin end; 0: the width is not used
     travel: bool = True  # whether animals are taken to move head first
@@ -46,7 +46,7 @@ FISH_CUES = HeadCues()
 def choose_head_cues(
     rule: HeadRule, backbone: Reals, half_width: Reals, tracks: Sequence[slice], rate_hz: float
 ) -> HeadCues:
-    """Return by which cues the head is found in a film: the wider or thinner end, travel, or both.
+    """Return the cues that show the head in a film: the wider or thinner end, travel, or both.
 
     rule: "travel", "blunt" or "thin" uses only that cue. "auto" uses travel, and as the head's end
     the one that leads in the film, blunt or thin; where little moves, the blunt end, as of a fish.
@@ -68,7 +68,7 @@ def choose_head_cues(
 
 
 def begins_at_tail(lines: Reals, features: pd.DataFrame) -> Mask:
-    """Return a mask (rows,) of the backbones (rows, n, 2) px whose first point is the tail.
+    """Return a mask (rows,) of backbones (rows, n, 2) px whose first point is the tail.
 
     features: the same rows of a feature table, which has the places of the heads.
     """
@@ -78,7 +78,7 @@ def begins_at_tail(lines: Reals, features: pd.DataFrame) -> Mask:
 
 
 def turn_head_first(lines: Reals, features: pd.DataFrame) -> NDArray[Any]:
-    """Return backbones (rows, n, 2) px, which may begin at either end, with the head first.
+    """Return backbones (rows, n, 2) px reordered so that each begins at the head.
 
     features: the same rows of a feature table, which has the places of the heads.
     """
@@ -86,14 +86,14 @@ def turn_head_first(lines: Reals, features: pd.DataFrame) -> NDArray[Any]:
 
 
 def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
-    """Return which end of each backbone (rows, n, 2) px another tracking program calls the head.
+    """Return which end of each backbone (rows, n, 2) px another program's head is nearest to.
 
     The result (rows,) is 1 for the first point, −1 for the last, 0 for unknown. head, tail: the
     program's points, (rows, 2) px, NaN where unknown; the nearer end of the backbone is meant.
     """
 
     def distance(end: int, place: Reals) -> Floats:
-        """Return distances (rows,) of an end of the backbones from places; 0 where unknown."""
+        """Return the distance (rows,) [px] of an end of each backbone from a point, or 0."""
         return np.nan_to_num(np.linalg.norm(backbone[:, end].astype(float) - place, axis=1))
 
     head_first = distance(0, head) + distance(-1, tail)
@@ -105,7 +105,7 @@ def decide_head_end(
     backbone: Reals, half_width: Reals, rate_hz: float, given_head: NDArray[np.int8] | None = None,
     cues: HeadCues = FISH_CUES,
 ) -> tuple[Mask, Floats]:  # fmt: skip
-    """Decide for each frame of a track whether the first backbone point is the head.
+    """Return whether a track's first backbone point is the head (frames,), and how probably.
 
     Return the decisions (frames,) and their probabilities (frames,). These are judged by the film
     alone: below 0.5, it speaks against the decision of another program. backbone: (frames, n, 2)
@@ -132,7 +132,7 @@ def _median_length(backbone: Reals) -> float:
 
 
 def _width_evidence(half_width: Reals) -> Floats:
-    """Return log odds (frames,) that the first point is the head: the head is the wider end.
+    """Return log odds (frames,) that the first point is the head, as the head is the wider end.
 
     half_width: (frames, n) px, along the backbone. The 3/8 of the body at either end are compared,
     without the outermost point.
@@ -144,7 +144,7 @@ def _width_evidence(half_width: Reals) -> Floats:
 
 
 def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
-    """Return log odds (frames,) that the first point is the head: fish swim head first.
+    """Return log odds (frames,) that the first point is the head, as fish swim head first.
 
     backbone: (frames, n, 2) px; length_px: body length. A single frame gives 0.
     """
@@ -158,7 +158,7 @@ def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
 
 
 def _stay_odds(backbone: Reals, length_px: float) -> Floats:
-    """Return log odds (frames − 1,) that first and last point do not swap from frame to frame.
+    """Return log odds (frames − 1,) that the two ends do not swap numbers from frame to frame.
 
     An end moves little in a frame: its move is Gaussian with the standard deviation `_WANDER`, and
     the result is the difference of both cases' log probabilities. backbone: (frames, n, 2) px;
@@ -171,7 +171,7 @@ def _stay_odds(backbone: Reals, length_px: float) -> Floats:
 
 
 def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask:
-    """Return whether the first point is the head, for each frame (frames,), by Viterbi's algorithm.
+    """Return the most probable mask (frames,) of whether the first point is the head (Viterbi).
 
     evidence: (frames,) log odds of each frame by itself; stay_odds: (frames − 1,) log odds that the
     ends do not swap in a step. Plain numbers are twenty times as fast here as arrays of two states.

@@ -1,4 +1,4 @@
-"""A track of the film as a path that a fish can follow again."""
+"""Turn a track of the film into a path that fish can follow."""
 
 import numpy as np
 import pandas as pd
@@ -8,7 +8,7 @@ from finloop.base.line import PX, TRACK, Line, check_line
 
 
 def track_as_path(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
-    """Turn a track of the film into a path that other fish can follow, with times and headings.
+    """Return a track of the film as a path that other fish can follow, with times and headings.
 
     features: the feature table; name: of the track, such as `track:8`; parameter: name of the
     setting that gave it, for the message. The path is in px, s and degrees. FinloopError if there

@@ -1,4 +1,4 @@
-"""Metrics of a feature table: Table 1, errors against ground truth, plausibility."""
+"""Summarise a feature table: Table 1, errors against ground truth, plausibility."""
 
 import numpy as np
 import pandas as pd
@@ -52,7 +52,7 @@ def rows_of_longest_track(features: pd.DataFrame) -> pd.DataFrame:
 
 
 def summarize_features(features: pd.DataFrame) -> dict[str, float]:
-    """Return counts, medians and shares of a feature table by name, for metrics.json."""
+    """Return counts, medians and shares of a feature table, by name of the metric."""
     track_frames = features.groupby("track_id").size()
     swimming_type = features["swimming_type"]
     return {
@@ -77,7 +77,7 @@ def summarize_features(features: pd.DataFrame) -> dict[str, float]:
 
 
 def measure_frames_per_beat(features: pd.DataFrame) -> float:
-    """Return how many frames a tail beat has, judged by the bend's change from frame to frame.
+    """Return how many frames a tail beat lasts, from how the bend changes between frames.
 
     A sine of n frames a period differs from the mean of its neighbours by the share
     1 − cos(2π / n) of itself; this share is fitted to all frames with both neighbours, by least
@@ -96,7 +96,7 @@ def measure_frames_per_beat(features: pd.DataFrame) -> float:
 
 
 def measure_heading_jumps(features: pd.DataFrame) -> float:
-    """Return in what percentage of the steps from frame to frame a heading turns by more than 45°.
+    """Return the percentage of steps from frame to frame in which a heading turns by over 45°.
 
     Where it is large, headings are not those of the animals. NaN if no track has two frames.
     """
@@ -109,7 +109,7 @@ def measure_heading_jumps(features: pd.DataFrame) -> float:
 def metrics_in_mm(
     features: pd.DataFrame, tank_px: tuple[int, int], rate_hz: float, mm_per_px: float
 ) -> dict[str, float]:
-    """Return body length, median speed and tank size in millimetres by name, for metrics.json.
+    """Return body length, median speed and tank size in millimetres, by name of the metric.
 
     tank_px: width and height; rate_hz: frames per second. The speed is the displacement over the
     time Δ; NaN where no track is as long as Δ.
@@ -125,7 +125,7 @@ def metrics_in_mm(
 
 
 def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
-    """Return how well headings agree with the direction of motion, by name, for metrics.json.
+    """Return how well headings agree with the direction of motion, by name of the metric.
 
     Only rows (a fish in one frame) that move by 0.1 body lengths in the time Δ count. The metrics
     are their number, the percentage headed within 90° of their motion, and the median angle between
@@ -151,7 +151,7 @@ def measure_heading_agreement(features: pd.DataFrame) -> dict[str, float]:
 def compare_with_truth(
     features: pd.DataFrame, backbones: np.ndarray, truth: pd.DataFrame
 ) -> dict[str, float]:
-    """Return the errors of measured features against the drawn carp's truth, for metrics.json.
+    """Return the errors of measured features against the drawn carp's truth, by name.
 
     backbones (rows, n, 2): px, head first, in the table's order; truth: a row per carp per frame.
     Each measured fish is compared with the nearest carp of its frame. A backbone's error is the
@@ -200,7 +200,7 @@ def compare_with_truth(
 def compare_heads_with_external(
     tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float
 ) -> dict[str, float]:
-    """Return how well another program's heads agree with ours, by name, for metrics.json.
+    """Return how well another program's heads agree with ours, by name of the metric.
 
     `head_told_share` is the share of rows in which the program gives a head. If there are any, two
     more describe them: `head_disagreement_share`, the share in which it calls our tail the head,
@@ -225,12 +225,12 @@ def compare_heads_with_external(
 
 
 def _mean_line_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the mean distance (rows,) between the points of lines a and b, both (rows, n, 2)."""
+    """Return the mean distance (rows,) between equal points of lines a and b, (rows, n, 2)."""
     return np.hypot(*(a - b).transpose(2, 0, 1)).mean(1)
 
 
 def _compare_backbones(backbones: np.ndarray, true: pd.DataFrame) -> tuple[Floats, Mask]:
-    """Return how far (k,) [px] k backbones are from the true ones, and which run tail to head.
+    """Return the mean error (k,) [px] of k backbones, and a mask of those that run tail to head.
 
     A distance is the mean over the points, at equal shares of the length; a backbone that is nearer
     the other way round is turned first. backbones (k, n, 2): px; true: rows of the truth.
@@ -244,7 +244,7 @@ def _compare_backbones(backbones: np.ndarray, true: pd.DataFrame) -> tuple[Float
 
 
 def _pair_with_truth(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
-    """Pair measured fish with the nearest true fish of their frame; return both row numbers (2, k).
+    """Return row numbers (2, k): measured fish, and the nearest true fish of its frame.
 
     Measured fish in frames without a true fish are left out.
     """

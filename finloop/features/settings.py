@@ -13,7 +13,7 @@ HeadRule = Literal["auto", "blunt", "thin", "travel"]
 
 @dataclass(frozen=True)
 class FeaturesSettings:
-    """How motion is measured, and when a fish turns.
+    """Parameters of `features`: how motion is measured, and when a fish turns.
 
     A fish turns where the mean of (change of heading in Δ / `turn_threshold_deg`) and (signed bend
     / `bend_threshold`) reaches 1, until the mean falls to `turn_end_threshold`.

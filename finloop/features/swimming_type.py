@@ -1,4 +1,4 @@
-"""Swimming type: straight, turning left, turning right (fish paper §2.3, §3.2, Fig. 7b).
+"""Classify the swimming type: straight, turning left or right (§2.3, §3.2, Fig. 7b).
 
 The paper gives no rule. A turning fish is bent and changes its heading, both to the same side; a
 tail beat also bends it, and a drift also changes its heading. So both count, in units of their
@@ -26,7 +26,7 @@ _TURNS_DEG = 45.0
 
 
 class TurnThresholds(NamedTuple):
-    """The change of heading and the bend that make a turn; `turn_score` combines them."""
+    """The change of heading and the bend that each make a turn; `turn_score` combines them."""
 
     turn_deg: float  # change of heading over Δ, the time over which motion is measured
     bend: float  # signed motion area, body length²
@@ -39,7 +39,7 @@ BRISK = TurnThresholds(16.0, 0.04)
 def measure_turn_thresholds(
     headings_deg: Sequence[Reals], bends: Sequence[Reals], delta_frames: int
 ) -> TurnThresholds:
-    """Return the change of heading and the bend from which on a motion is a turn, for a film.
+    """Return a film's change of heading and bend beyond which a motion is a turn.
 
     headings_deg, bends: of each track (n,), degrees and signed body length²; delta_frames: time Δ
     over which headings change. The thresholds are `BRISK`, lowered for a slower or stiffer fish
@@ -60,12 +60,12 @@ def measure_turn_thresholds(
 
 
 def _upper_tenth(values: Reals) -> float:
-    """Return the limit that a tenth of the values (n,) exceed in absolute value, at least 1e-9."""
+    """Return the limit that a tenth of the values (n,) exceed in size, at least 1e-9."""
     return max(float(np.quantile(np.abs(values), _SELDOM)), 1e-9)
 
 
 def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floats:
-    """Return the turn score of frames (n,): a turn to the left from 1 on, to the right from −1.
+    """Return the turn score of frames (n,): from 1 on it is a left turn, from −1 down a right turn.
 
     It is the mean of two ratios: change of heading to its threshold, and bend to its threshold.
     turn_deg (n,): change of heading over the time Δ; bend (n,): signed, body length².
@@ -74,7 +74,7 @@ def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floa
 
 
 def heading_change(heading_deg: Reals, span_frames: int) -> Floats:
-    """Return the change of heading (frames,) [°] over a span of time around each frame, + = left.
+    """Return the change of heading (frames,) [°] over a span around each frame, + = left.
 
     heading_deg: (frames,) of one track; span_frames: length of the span. At the ends of the track
     the span is shorter, and the change is scaled up.
@@ -90,7 +90,7 @@ def heading_change(heading_deg: Reals, span_frames: int) -> Floats:
 def classify_swimming_types(
     turn_deg: Reals, bend: Reals, thresholds: TurnThresholds, end_score: float
 ) -> NDArray[np.int8]:
-    """Return the swimming types (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
+    """Return the swimming type (frames,) of consecutive frames: 0 straight, 1 left, −1 right.
 
     turn_deg (frames,): change of heading over the time Δ; bend (frames,): signed, body length². A
     turn is a run of frames whose `turn_score` exceeds `end_score` and somewhere reaches 1.

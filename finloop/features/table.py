@@ -1,4 +1,4 @@
-"""Tracks → the feature table, one row per fish per frame (fish paper §2.2-2.3, Fig. 7, Table 1).
+"""Make the feature table from tracks, a row per fish per frame (§2.2-2.3, Fig. 7, Table 1).
 
 Glossary: Δ the time over which motion is measured (`finloop.features.memory`); *included angle* the
 change of heading over the next Δ; *bend* the signed motion area. Angles are degrees,
@@ -62,7 +62,7 @@ FEATURES = Schema(
 
 
 def delta_in_frames(delta_s: float, rate_hz: float) -> int:
-    """Convert Δ, the time over which motion is measured, from s to whole frames, at least 1."""
+    """Return Δ, the time over which motion is measured, in whole frames, at least 1."""
     return max(1, round(delta_s * rate_hz))
 
 
@@ -91,7 +91,7 @@ def wrap_deg(angle_deg: Reals) -> Floats:
 
 
 def find_orientations(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
-    """Return the numbers of the sectors in which headings [°] lie, 1 … `orientations` (§3.3).
+    """Return the orientation of each heading [°]: the number of its sector, from 1 (§3.3).
 
     The sectors divide 360° equally, 24 in the paper. Sector 1 is centred on 0°, to the right;
     numbers rise anticlockwise. The result has the shape of the headings.
@@ -101,12 +101,12 @@ def find_orientations(heading_deg: Reals, orientations: int) -> NDArray[np.int8]
 
 
 def orientation_heading_deg(orientation: NDArray[np.integer] | int, orientations: int) -> Floats:
-    """Return the heading [°], in [0, 360), at the middle of a sector, 1 … `orientations`."""
+    """Return the heading [°], in [0, 360), at the middle of an orientation's sector."""
     return (np.asarray(orientation, float) - 1) * (360 / orientations)
 
 
 def count_orientations(table: pd.DataFrame) -> int:
-    """Return into how many orientations a table of features or of sprites divides 360°."""
+    """Return the number of orientations in a table of features or of sprites."""
     return int(table["orientations"].iloc[0])
 
 
@@ -190,7 +190,7 @@ def _find_swimming_types(
     heading_deg: Floats, bend: Floats, tracks: Sequence[slice], delta_frames: int,
     settings: FeaturesSettings,
 ) -> NDArray[np.int8]:  # fmt: skip
-    """Return the swimming type (n,) of every row, by its bend and the change of heading over Δ.
+    """Return the swimming type (n,) of every row, from its bend and its change of heading.
 
     heading_deg, bend (n,): of every row; tracks: the rows of each track.
     """
@@ -226,7 +226,7 @@ def choose_turn_thresholds(
     heading_deg: Reals, bend: Reals, tracks: Sequence[slice], delta_frames: int,
     settings: FeaturesSettings,
 ) -> TurnThresholds:  # fmt: skip
-    """Return the change of heading and the bend from which on a motion is a turn.
+    """Return the change of heading and the bend beyond which a motion is a turn.
 
     Each threshold is the number in the settings; if it is "auto" there, it is measured in the film.
     heading_deg (n,): heading of each row of the film, degrees; bend (n,): signed motion area of
@@ -243,7 +243,7 @@ def choose_turn_thresholds(
 
 
 def track_slices(tracks: pd.DataFrame) -> list[slice]:
-    """Return a slice of rows for each track of a table that is sorted by `track_id`."""
+    """Return the slice of rows of each track in a table that is sorted by `track_id`."""
     first = np.flatnonzero(np.diff(tracks["track_id"].to_numpy(), prepend=np.nan))
     return [slice(start, stop) for start, stop in pairwise([*first.tolist(), len(tracks)])]
 
@@ -252,7 +252,7 @@ def orient_backbones(
     tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None,
     rule: HeadRule = "auto",
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Return backbones (rows, n, 2) px with the head first, and how probable that is (rows,).
+    """Return backbones (rows, n, 2) px head first, and the probability (rows,) of that.
 
     tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; given:
     another program's heads and tails, same rows, which decide where they are not NaN; rule: how the
@@ -273,7 +273,7 @@ def orient_backbones(
 
 
 def learn_head_cues(tracks: pd.DataFrame, rate_hz: float, rule: HeadRule) -> HeadCues:
-    """Return the cues that show which end is the head in a film.
+    """Return the cues that show the head in a film, chosen from its tracks.
 
     tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; rule: of the
     settings.

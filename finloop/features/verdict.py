@@ -1,4 +1,4 @@
-"""The verdict on the heads and headings of the animals, and on the frames in a beat."""
+"""Judge the heads and headings of the animals, and the frames in a tail beat."""
 
 from collections.abc import Iterator, Mapping
 from math import isnan, nan
@@ -14,7 +14,7 @@ FEW_FRAMES = 5.0  # frames of a beat; no rhythm is found in fewer
 
 
 def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
-    """Yield the findings on heads, headings and frames in a beat; none on what is not known.
+    """Yield findings on heads, headings and frames in a tail beat; none on what is unknown.
 
     metrics: of the stage `features`, by name; a number that does not exist is NaN or missing.
     """

@@ -1,4 +1,4 @@
-"""Identity: tracks joined to animals across touches, by motion and appearance.
+"""Identify animals: join their tracks across touches, by motion and appearance.
 
 A track ends where an animal touches another. Motion (`motion`) and appearance (`appearance`) give
 the probability that a later track is the same animal; `joins` finds the best set of joins.

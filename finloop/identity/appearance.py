@@ -1,4 +1,4 @@
-"""Appearance: the descriptor of an animal, and whether two tracks look like one animal.
+"""Describe the appearance of animals, and rate whether two tracks look like one animal.
 
 A picture's descriptor holds the animal's length, area, contrast and widths along the body, and
 principal components of the picture itself, headed right. The directions that distinguish animals
@@ -35,7 +35,7 @@ _BLOCK = 2_000  # pictures held at once
 def appearance_descriptors(
     measures: Floats, read_pictures: Callable[[Tracks], NDArray[np.float32]], most_components: int
 ) -> Floats:
-    """Return a vector (rows, d) per fish and frame that describes its looks.
+    """Return a descriptor (rows, d) of the animal's looks in each row.
 
     It holds the measures of the body, each scaled to a standard deviation of 1, and principal
     components of the picture, scaled together to 1. measures (rows, m): any units; read_pictures:
@@ -63,7 +63,7 @@ def _standardise(values: Floats) -> Floats:
 def appearance_log_ratios(
     tracks: Sequence[Floats], at_once: TrackPairs, pairs: TrackPairs
 ) -> Floats:
-    """Return log(P of one animal / P of two) by the looks, for each of e pairs of tracks, (e,).
+    """Return log(P of one animal / P of two), (e,), for pairs of tracks, by their looks.
 
     tracks: the descriptors (k, d) of each track's pictures, in the order of time; at_once: pairs of
     tracks with a frame in common, certainly two animals; pairs: those to rate. The ratio is that of
@@ -95,7 +95,7 @@ def appearance_log_ratios(
 def _example_distances(
     tracks: Sequence[Floats], long_tracks: Tracks, at_once: TrackPairs
 ) -> tuple[Floats, Floats]:
-    """Return descriptors' distances in pairs of certainly one animal (k,), and of two (l,).
+    """Return distances of looks between pairs of surely one animal, (k,), and of surely two, (l,).
 
     One animal: the first and the last part of each long track. Two: the first part of one long
     track and the last part of another, for the pairs `at_once`, which have a frame in common.
@@ -135,7 +135,7 @@ def _find_discriminant(
 def _mean_descriptors_at_ends(
     tracks: Sequence[Floats], directions: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
-    """Return the mean descriptors (n, c) of every track's first part, and of its last part.
+    """Return each track's mean descriptor (n, c) in its first part, and in its last part.
 
     directions: discriminant directions onto which they are projected; None leaves them as they are.
     """

@@ -1,4 +1,4 @@
-"""The animals of a film: each track's identity, with its probability."""
+"""Find which animal each track of a film shows, with its probability."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px
 
 @dataclass(frozen=True)
 class IdentityEvidence:
-    """The evidence for the identities of the animals in a film.
+    """The evidence by which tracks of a film are joined to animals.
 
     measures (n, d): of every row's body. segment (n,): the part of the film between two cuts;
     tracks of different parts are never joined.
@@ -55,7 +55,7 @@ class IdentityEvidence:
 def collect_evidence(
     reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: IdentitySettings
 ) -> IdentityEvidence:
-    """Collect what identifies the animals of a film: measures of their bodies, and its cuts.
+    """Return the evidence for identities in a film: measures of bodies, tracks, and cuts.
 
     tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
     film's further segments.
@@ -113,7 +113,7 @@ def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.Data
 def measure_trial_gaps(
     evidence: IdentityEvidence, gap_frames: NDArray[np.intp], rng: np.random.Generator
 ) -> Floats:
-    """Return the shares of artificial gaps that are joined right and wrong, (2,); NaN without gaps.
+    """Return the shares of artificial gaps joined right and wrong, (2,); NaN without gaps.
 
     Every track that is long enough is cut in two: as many frames are removed from its middle as a
     gap of the film has. Then all tracks are joined anew. A gap that stays open counts as neither.
@@ -138,7 +138,7 @@ def measure_trial_gaps(
 
 
 def _cut_gap(frame: Ints, rows: NDArray[np.intp], gap_frames: int) -> list[NDArray[np.intp]]:
-    """Leave `gap_frames` out of the middle of a track; return its rows before and after them.
+    """Return a track's rows before and after a gap of `gap_frames` cut into its middle.
 
     Where a part would have fewer than `_LEAST_HALF` rows, all rows are returned as one part. frame:
     of every row of the film; rows (k,): of the track, in their order.
@@ -153,7 +153,7 @@ def _cut_gap(frame: Ints, rows: NDArray[np.intp], gap_frames: int) -> list[NDArr
 
 
 def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]) -> TrackJoins:
-    """Return which track continues which, by motion and appearance.
+    """Return which track continues which other, by motion and appearance.
 
     Tracks are joined to chains, chains to longer ones; a pair is likely if its ends fit in motion,
     and its animals look alike.
@@ -173,7 +173,7 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
     descriptors = _describe_tracks(evidence, track_rows)
 
     def score_pairs(chains: Chains) -> tuple[TrackPairs, Floats]:
-        """Return pairs of chains that may be one animal, and each pair's log(P one / P two)."""
+        """Return pairs of chains that may be one animal, and log(P of one / P of two)."""
         chain_ends = motion.select_chain_ends(ends, chains)
         start, stop = chain_ends.start, chain_ends.stop
         pairs = successor_pairs(start, stop, segment[[chain[0] for chain in chains]])
@@ -193,7 +193,7 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
 def _describe_tracks(
     evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]
 ) -> list[Floats]:
-    """Return for each track descriptors (k, d) of its animal's looks in k of its rows."""
+    """Return each track's descriptors (k, d) of its animal's looks, in k of its rows."""
     reel, p = evidence.reel, evidence.settings
     samples = [spread_rows(rows, p.pictures_per_track) for rows in track_rows]
     sampled_rows = np.concatenate(samples)

@@ -1,4 +1,4 @@
-"""The best set of joins between tracks, and how probable each join is."""
+"""Find the best set of joins between tracks, and how probable each join is."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -22,14 +22,14 @@ Chains = list[list[int]]
 
 
 class TrackPairs(NamedTuple):
-    """Pairs of tracks by number, a and b (e,) each; where they may be joined, a is the earlier."""
+    """Pairs of tracks by number, a and b (e,); of a pair that may be joined, a is earlier."""
 
     a: Tracks
     b: Tracks
 
 
 class TrackJoins(NamedTuple):
-    """Which track continues which: each track's predecessor, and the probability of that join.
+    """Each track's predecessor, and the probability of that join.
 
     predecessor (n,): its number, −1 for none; probability (n,): 1 where there is none.
     """
@@ -41,7 +41,7 @@ class TrackJoins(NamedTuple):
 def successor_pairs(
     start: Reals, stop: Reals, segment: Tracks, most_successors: int = _SOONEST
 ) -> TrackPairs:
-    """Return pairs of every track with those that begin soonest after its end, before the next cut.
+    """Return pairs of each track with the tracks that begin soonest after its end.
 
     start, stop (n,): first and last frame of each track; segment (n,): its part of the film between
     cuts, ascending with the frames. In a pair, `a` is the earlier track. most_successors: how many
@@ -68,7 +68,7 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> TrackPairs:
 
 
 def _pair_with_ranges(order: Tracks, low: Tracks, high: Tracks) -> TrackPairs:
-    """Return pairs of every track k with each of the tracks order[low[k]:high[k]]."""
+    """Return pairs of each track k with all tracks in order[low[k]:high[k]]."""
     partners = [order[first:stop] for first, stop in zip(low, high, strict=True)]
     counts = [len(tracks) for tracks in partners]
     return TrackPairs(
@@ -80,7 +80,7 @@ def find_best_joins(
     tracks: int, pairs: TrackPairs, log_ratio: Floats, stranger_probability: float,
     least_probability: float, rng: np.random.Generator,
 ) -> TrackJoins:  # fmt: skip
-    """Return the most probable set of joins; a track has at most one predecessor and one successor.
+    """Return the most probable joins; a track has at most one predecessor and one successor.
 
     log_ratio (e,): log(probability of one animal / of two), for each of the `pairs`; only these can
     be joined. stranger_probability: that an animal comes or goes. Joins less probable than
@@ -109,7 +109,7 @@ def join_in_passes(
     sure_probability: float,
     find_joins: Callable[[int, TrackPairs, Floats], TrackJoins],
 ) -> TrackJoins:
-    """Join tracks in several passes, the most certain joins first; return each track's join.
+    """Return each track's join, found in several passes, the most certain joins first.
 
     Tracks that a join of at least `sure_probability` connects are one chain in the next pass: a
     chain shows more of an animal, and fewer ends stay open. The pass that finds no such join is the
@@ -133,7 +133,7 @@ def join_in_passes(
 
 
 def _chain_tracks(predecessor: Tracks) -> Chains:
-    """Return chains of joined tracks, from each track's predecessor (n,), −1 for none."""
+    """Return chains of joined tracks, from each track's predecessor (n,); −1 is none."""
     successor = np.full(len(predecessor), -1)
     successor[predecessor[predecessor >= 0]] = np.flatnonzero(predecessor >= 0)
     chains: Chains = [[int(track)] for track in np.flatnonzero(predecessor < 0)]
@@ -144,7 +144,7 @@ def _chain_tracks(predecessor: Tracks) -> Chains:
 
 
 class _Component(NamedTuple):
-    """Tracks that pairs connect, and their assignment problem as a sparse matrix (m, 2m).
+    """Tracks that pairs connect, with their assignment problem as a sparse matrix (m, 2m).
 
     A row is the end of a track. Column k is the start of track k; column m + k stands for the end
     of track k without a join.
@@ -157,7 +157,7 @@ class _Component(NamedTuple):
 
 
 class _JoinSearch:
-    """Finds the set of joins with the highest score, by one assignment problem per component.
+    """Finds the set of joins with the highest score, one assignment problem per component.
 
     A component is a group of tracks that pairs connect. That is faster than one assignment of all
     tracks at once.
@@ -187,7 +187,7 @@ class _JoinSearch:
         ]  # fmt: skip
 
     def find_best(self, score: Floats, alone: Floats) -> Tracks:
-        """Return each track's predecessor (n,), −1 for none, in the joins with the highest score.
+        """Return each track's predecessor (n,), −1 for none, in the best set of joins.
 
         score (e,): of the pairs; alone (2, n): score of each track's end, and of its start, without
         a join.

@@ -1,4 +1,4 @@
-"""The drift of an animal during a gap between tracks, measured in its film.
+"""Measure how far an animal drifts in a gap between tracks, and rate joins by that.
 
 Trial gaps in whole tracks measure it: two places half way are predicted, from before the gap and
 from after it; their distance is the mismatch. Places are in body lengths, gaps in frames.
@@ -23,7 +23,7 @@ _LEAST_MISMATCH = 1e-3  # body lengths; no prediction is more exact than the mea
 
 @dataclass(frozen=True)
 class TrackEnds:
-    """Where and when tracks begin and end, and how fast their animals move there.
+    """Where and when tracks begin and end, and the animals' velocities there.
 
     start, stop (n,): first and last frame. first, last (n, 2): places, body lengths; arriving,
     leaving (n, 2): velocities at start and end, body lengths per frame.
@@ -38,7 +38,7 @@ class TrackEnds:
 
 
 def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps: int) -> TrackEnds:
-    """Return where each track begins and ends, and its velocities there.
+    """Return the positions and velocities of animals at both ends of their tracks.
 
     frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; velocity_steps:
     number of rows over which a velocity is measured, fewer in a shorter track.
@@ -59,7 +59,7 @@ def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps
 
 
 def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
-    """Return where chains begin and end: as their first track begins, and their last one ends."""
+    """Return the ends of chains: the start of each first track, and the end of each last one."""
     first, last = [chain[0] for chain in chains], [chain[-1] for chain in chains]
     return TrackEnds(
         tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],
@@ -68,7 +68,7 @@ def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
 
 
 def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floats:
-    """Return the mean velocity (2,) from row `first` to row `last`; 0 in a track of one row."""
+    """Return the mean velocity (2,) from row `first` to row `last`; 0 if they are one."""
     if len(frames) < 2:
         return np.zeros(2)
     return (places[last] - places[first]) / max(frames[last] - frames[first], 1)
@@ -76,7 +76,7 @@ def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floa
 
 @dataclass(frozen=True)
 class GapDrift:
-    """How far apart two predictions of a place in a gap are: one from before it, one from after."""
+    """How far apart the positions predicted from before and from after a gap are."""
 
     gaps: Floats  # (k,) lengths in frames, ascending
     mismatch: Floats  # (k,) median distance of the two predictions, body lengths
@@ -85,7 +85,7 @@ class GapDrift:
     velocity_frames: int  # before and after a gap, over which a velocity is measured
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
-        """Return log(P of one animal / P of two), (e,), for tracks before and after e gaps.
+        """Return log(P of one animal / P of two), (e,), for the tracks around e gaps.
 
         gap_frames (e,): lengths; distance (e,): d between the two predicted places, body lengths.
         The result is log((1 − ε) A m² / (π (m² + d²)²) + ε); the fraction is limited. m is the
@@ -99,7 +99,7 @@ class GapDrift:
 
 
 def measure_drift(tracks: pd.DataFrame) -> GapDrift:
-    """Measure how far apart places are that are predicted from before and from after a gap.
+    """Return how far apart positions predicted from before and from after a gap are.
 
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame. Trial gaps are cut into
     whole tracks; they double from one frame on, while enough tracks are that long. The velocity is
@@ -140,7 +140,7 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
 def _measure_mismatches(
     tracks: pd.DataFrame, velocity_frames: int
 ) -> tuple[list[float], list[float]]:
-    """Return, for gaps of 1, 2, 4 … frames, two predictions' distance, and a velocity's share.
+    """Return mismatches of positions and lasting shares of velocity, for gaps of 1, 2, 4 … frames.
 
     One prediction of the place half way starts before the gap, one after it: the first list has
     their median distances in body lengths. The second has the share (0 to 1) of the velocity before
@@ -170,7 +170,7 @@ def _measure_mismatches(
 
 
 def motion_log_ratios(ends: TrackEnds, drift: GapDrift, pairs: TrackPairs) -> Floats:
-    """Return log(P of one animal / P of two) by motion, for each of e pairs of tracks, (e,).
+    """Return log(P of one animal / P of two), (e,), for pairs of tracks, by their motion.
 
     In a pair, track b begins after a has ended. The place half way between is predicted from both
     sides, from the end of a and from the start of b.

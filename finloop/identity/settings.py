@@ -8,7 +8,7 @@ from finloop.base.settings import Share
 
 @dataclass(frozen=True)
 class IdentitySettings:
-    """How tracks are joined to animals, by motion and by appearance."""
+    """Parameters of `identity`: how tracks are joined by motion and by appearance."""
 
     min_join_probability: Share
     new_animal_probability: Share

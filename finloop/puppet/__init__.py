@@ -1,4 +1,4 @@
-"""The puppet: any film row drawn in any pose, mirrored or not, at any place, heading and size.
+"""Draw any film row in any pose, mirrored or not, at any position, heading and size.
 
 A pose has a backbone. Each pixel of the new picture takes the film's pixel at the same place along
 and beside the backbone: a fish of the film can bend as in no frame, and two frames that are blended

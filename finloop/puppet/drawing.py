@@ -1,4 +1,4 @@
-"""Draw a film row in any pose, place, heading and size; blend two rows in one pose."""
+"""Draw a film row in any pose, position, heading and size; blend two rows in one pose."""
 
 import cv2
 import numpy as np
@@ -31,7 +31,7 @@ def draw_in_pose(
 
 
 class PosedPicture:
-    """A picture of the film, prepared to be drawn in another pose, whole or in parts.
+    """A picture of the film, prepared to be drawn in another pose, wholly or in parts.
 
     box: rows and columns [px] that the animal may cover, half open: top, left, bottom, right.
     """
@@ -52,7 +52,7 @@ class PosedPicture:
         self.box: tuple[int, int, int, int] = self._plan.box
 
     def draw_part(self, box: tuple[int, int, int, int]) -> Premultiplied:
-        """Return a part of the new picture: (bottom - top, right - left, c), premultiplied, 0 … 1.
+        """Return one box of the new picture: (bottom - top, right - left, c), 0 … 1.
 
         box: its rows and columns [px], half open: top, left, bottom, right.
         """
@@ -68,7 +68,7 @@ def mix_pictures(first: Premultiplied, second: Premultiplied, weight: float) -> 
 
 
 def place_backbone(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> PlacedBackbone:
-    """Return a pose's backbone in a picture whose first pixel is at (x0_px, y0_px) of the film."""
+    """Return a pose's backbone in a picture whose upper left pixel is (x0_px, y0_px)."""
     x, y, heading, size = pose.x_px, pose.y_px, pose.heading_rad, pose.size_px
     return PlacedBackbone(
         float(x - x0_px), float(y - y0_px), float(heading), float(size), pose.posture

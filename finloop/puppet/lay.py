@@ -1,4 +1,4 @@
-"""Kernels that draw a strip of film along another backbone, and compare the pictures (Eq. 5).
+"""Draw a strip of film along another backbone, and compare such pictures: compiled kernels (Eq. 5).
 
 A *section* is a cross-section of the animal; a *step* is the part between one section and the next.
 """
@@ -29,7 +29,7 @@ _UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)  # else n
 
 
 class DrawingMode(NamedTuple):
-    """How a film's picture is drawn in another pose.
+    """How a film's picture is drawn in another pose: scale, side and filter.
 
     across: px of film per px of the new picture; mirrored: whether left is drawn as right; sharp:
     Keys' cubic filter, else a linear one.
@@ -41,7 +41,7 @@ class DrawingMode(NamedTuple):
 
 
 class Section(NamedTuple):
-    """One cross-section of a strip: a point x, y [px] on the backbone, and how far it reaches.
+    """One cross-section of a body: a point x, y [px] on the backbone, and how far it extends.
 
     nx, ny: unit vector to the animal's left; left, right: lengths on both sides, px.
     """
@@ -73,7 +73,7 @@ class StripLayout(NamedTuple):
 def plan_strips(
     film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, mode: DrawingMode
 ) -> StripLayout:
-    """Return how a film's picture is drawn along another backbone: from where, to where, how wide.
+    """Return the plan to draw a film's picture along another backbone: strips, widths, box.
 
     The width of a step is how far the animal is visible there; on the inner side of a sharp bend of
     the new pose it is only as far as there is room.
@@ -133,7 +133,7 @@ def paint_strips(
 
 @finite_kernel
 def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
-    """Return how far [px] the animal is visible beside each step of its backbone, (m - 1, 2).
+    """Return how far [px] the animal is visible to either side of each backbone step, (m - 1, 2).
 
     film: (h, w, c), alpha last. From far outside, a ray along each side of a section is followed
     towards the backbone until a pixel has alpha. Its distance is given as if the backbone were
@@ -183,7 +183,7 @@ def _section_at(strip, i):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
-    """Return from where to where, in x [px], row y of pixels lies between two sections.
+    """Return the x range [px] of a row of pixels that lies between two sections.
 
     front, rear: the sections that bound a step, the front one nearer to the head. Bounds are
     ±HIDDEN where a section is parallel to the row.
@@ -205,7 +205,7 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyped-def]
-    """Draw the part of the animal along step i of its backbone into the canvas, changing it.
+    """Draw the part of the animal along step i of its backbone into the canvas, in place.
 
     canvas: (H, W, c), 0 … 1; film: (h, w, c), 0 … 255; both premultiplied, alpha last. layout:
     `StripLayout`; mode: `DrawingMode`; corner: row and column of the canvas's first pixel in the
@@ -259,7 +259,7 @@ def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyp
 
 @finite_kernel
 def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
-    """Return how far [px] pixel x, y lies beside the backbone (+ = left) and along it.
+    """Return a pixel's coordinates [px] on a strip: beside the backbone (+ = left), and along it.
 
     Along is positive towards the tail, and counts from the section at `share` (0 … 1) between the
     sections `front` and `rear` (a `Section` each). Beside is measured as if the backbone were
@@ -277,7 +277,7 @@ def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _film_place(beside, along, share, front, rear):  # type: ignore[no-untyped-def]
-    """Return the place (u, v) [px] in the film of a place beside and along the backbone, in px.
+    """Return the film's pixel coordinates (u, v) of coordinates [px] beside and along the backbone.
 
     This undoes `_strip_place`, with the film's sections `front` and `rear`. (HIDDEN, HIDDEN) where
     the film's pose does not show the place.
@@ -296,7 +296,7 @@ def _film_place(beside, along, share, front, rear):  # type: ignore[no-untyped-d
 
 @finite_leaf
 def _sample_linearly(film, u, v):  # type: ignore[no-untyped-def]
-    """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film, 0 … 255, linearly."""
+    """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film, bilinear."""
     column, row = math.floor(u), math.floor(v)
     du, dv = np.float32(u - column), np.float32(v - row)
     red, green, blue, alpha = _sum_pixels(film, column, row, (_ONE - du, du), (_ONE - dv, dv))
@@ -305,7 +305,7 @@ def _sample_linearly(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
-    """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film 0 … 255.
+    """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film, bicubic.
 
     They are interpolated by Keys' cubic filter.
     """
@@ -325,7 +325,7 @@ def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
-    """Return the weighted sum of the pixels of a square: red (or grey), green, blue, alpha.
+    """Return the weighted sum of a square of pixels: red (or grey), green, blue, alpha.
 
     left, top: its first pixel; across, down: weights of columns and rows. Outside its borders the
     film is transparent. Separate loops for 2 and 4 channels are faster.
@@ -365,7 +365,7 @@ def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
 
 
 class CandidatePairs(NamedTuple):
-    """Pairs (k,) of pictures, sorted by their first and then by what they cost at least.
+    """Pairs (k,) of pictures, sorted by their first one, then by their least cost.
 
     first, second: numbers of the pictures; mirrored: whether the second is mirrored.
     """
@@ -389,7 +389,7 @@ class PictureSet(NamedTuple):
 
 @finite_kernel
 def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask) -> Floats:
-    """Return how different pairs of pictures look when both are drawn in one pose (k,) (Eq. 5).
+    """Return the difference (k,) of pairs of pictures when both are drawn in one pose (Eq. 5).
 
     The distance is Euclidean, of pixels 0 … 1. The others are drawn in the postures of `rows`,
     mirrored (k,) or not. If a picture is nearer as filmed, that distance counts.
@@ -403,7 +403,7 @@ def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask
 
 @finite_kernel
 def nearest_in_pose(film: PictureSet, pairs: CandidatePairs, unit: float, count: int) -> Floats:
-    """Return how different pairs of pictures look in one pose (k,), for each picture's best pairs.
+    """Return the difference (k,) in one pose of each picture's cheapest pairs; −1 for others.
 
     The distance is that of `distances_in_pose`. It is −1 for pairs that cannot be among the `count`
     cheapest of their first picture. A pair costs its least cost plus (distance / unit)².

@@ -1,4 +1,4 @@
-"""A pose: where an animal is, where it heads, how large it is, and its posture, how it is bent.
+"""A pose: an animal's position, heading, size, and posture (how it is bent).
 
 A posture is a vector, so postures can be added, averaged and faded. It has the head's place from
 the mass centre, ahead and to the left, in sizes of the animal (its typical length); then the
@@ -22,7 +22,7 @@ _AHEAD, _LEFT, _STEPS = 0, 1, 2
 
 @dataclass(frozen=True)
 class Pose:
-    """Where animals are, where they head, how large they are, and how they are bent.
+    """Poses of animals: position, heading, size, and posture (how the body is bent).
 
     All fields may be arrays with the leading axes (…). x_px, y_px: (…) mass centre, y down.
     heading_rad: (…) anticlockwise as seen, 0 = to the right. size_px: (…) typical length of the
@@ -47,7 +47,7 @@ class Pose:
     def move_to(
         self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
     ) -> "Pose":
-        """Return the same postures at other places, headings and sizes.
+        """Return the same postures at other positions, headings and sizes.
 
         A single number applies to all poses.
         """
@@ -56,12 +56,12 @@ class Pose:
         return Pose(x, y, heading, size, self.posture)
 
     def mirror(self) -> "Pose":
-        """Return the poses mirrored about the line through the mass centre along the heading."""
+        """Return the poses mirrored about the animal's own axis: left and right exchanged."""
         return replace(self, posture=mirror_posture(self.posture))
 
     @property
     def head_px(self) -> Points:
-        """Place of the head, the first end (…, 2) of the backbone: x, y in px."""
+        """Return the head's position (…, 2), the first end of the backbone: x, y in px."""
         ahead, left = self.posture[..., _AHEAD], self.posture[..., _LEFT]
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
         x = self.x_px + self.size_px * (cos * ahead - sin * left)
@@ -70,7 +70,7 @@ class Pose:
 
     @property
     def steps_px(self) -> Floats:
-        """Lengths (…, n) of the backbone's steps, in px."""
+        """Return the lengths (…, n) of the backbone's steps, in px."""
         return backbone_steps(self.posture) * self.size_px[..., None]
 
     def backbone_px(self) -> Points:
@@ -83,7 +83,7 @@ class Pose:
 
 
 def backbone_bends(posture: Floats) -> Floats:
-    """Return the directions (…, n) of backbone steps, in radians, from postures (…, 2 + 2 n).
+    """Return the directions (…, n) of backbone steps, radians from the heading, of postures.
 
     They point towards the head and count from the heading, + = to the animal's left. The result is
     a view, so writing to it changes the postures.
@@ -92,7 +92,7 @@ def backbone_bends(posture: Floats) -> Floats:
 
 
 def backbone_steps(posture: Floats) -> Floats:
-    """Return the lengths (…, n) of backbone steps from postures (…, 2 + 2 n), as a view.
+    """Return the lengths (…, n) of backbone steps, in typical body lengths, of postures, as a view.
 
     The unit is the animal's typical length.
     """
@@ -108,7 +108,7 @@ def mirror_posture(posture: Floats) -> Floats:
 
 
 def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
-    """Return the poses (k) of the fish in the k rows of a feature table.
+    """Return the poses (k) of the fish in the k rows of a feature table, with their backbones.
 
     features: x_px, y_px, heading_deg and lengths of the k rows; backbones: (k, n + 1, 2) px, head
     first. For an animal with a thin tail they come from `puppet.tail.align_body_and_tail`.

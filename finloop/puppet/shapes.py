@@ -1,4 +1,4 @@
-"""The few principal shapes of a film's postures, and which postures it shows (PCA).
+"""Find the few principal shapes of a film's postures, and which postures it shows (PCA).
 
 As with the worm in Stephens et al. 2008 ("eigenworms"), a posture is the mean plus a few codes
 times the shapes. Every posture counts together with its mirror image, so left and right are equal.
@@ -22,7 +22,7 @@ _ROUNDING = 1e-6  # relative difference of a shape's components that counts as e
 
 
 class NearestCodes(NamedTuple):
-    """Pose codes (…, c) moved towards those that the film shows, and a mask (…) of those moved."""
+    """Pose codes (…, c) moved to within reach of the film's, and a mask (…) of those moved."""
 
     codes: Floats
     clamped: Mask
@@ -30,7 +30,7 @@ class NearestCodes(NamedTuple):
 
 @dataclass(frozen=True)
 class PoseShapes:
-    """The principal shapes of a film's postures (…, d), see `puppet.pose`, and their codes.
+    """The principal shapes of a film's postures (…, d), and the postures' codes.
 
     mean: (d,) posture. shapes: (c, d) orthonormal, of weighted postures, the most important one
     first. weights: (d,), so that bends count by their mean square along the body, steps by their
@@ -85,12 +85,12 @@ class PoseShapes:
 
     @property
     def variance_shares(self) -> Floats:
-        """Share (c,), 0-1, of the postures' variance that each shape explains."""
+        """Return the share (c,), 0-1, of the postures' variance that each shape explains."""
         return self.variance / (self.total_variance or 1.0)
 
     @cached_property
     def mirror_matrix(self) -> Floats:
-        """Matrix (c, c) that mirrors pose codes (…, c): multiply codes @ matrix."""
+        """Return the matrix (c, c) that mirrors pose codes (…, c): codes @ matrix."""
         signs = mirror_posture(np.ones_like(self.mean))
         return (self.shapes * signs) @ self.shapes.T
 
@@ -109,15 +109,15 @@ class PoseShapes:
 
     @cached_property
     def _tree(self) -> scipy.spatial.cKDTree:
-        """Search tree to find the film's pose codes nearest to others."""
+        """Return the search tree of the film's pose codes."""
         return scipy.spatial.cKDTree(self.codes)
 
     def is_far_from_film(self, codes: Floats) -> Mask:
-        """Return a mask (…) of codes (…, c) that are about `gap` or more away from filmed ones."""
+        """Return a mask (…) of pose codes (…, c) at least about `gap` away from filmed ones."""
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 
     def nearest_codes(self, codes: Floats) -> NearestCodes:
-        """Return pose codes (…, c), moved to within `gap` of filmed ones, and which were moved (…).
+        """Return pose codes (…, c) moved to within `gap` of filmed ones, and which were moved.
 
         Codes that are nearer already stay. Mirror images count as filmed.
         """
@@ -132,7 +132,7 @@ class PoseShapes:
 
 
 def _posture_weights(numbers: int) -> Floats:
-    """Return the weights (numbers,) of a posture's numbers: head place, n bends, n step lengths.
+    """Return the weights (numbers,) with which a posture's numbers count in the PCA.
 
     A bend counts by its mean square along the body. A step is about 1 / n of the body's length, and
     counts by the mean square of its share of that.

@@ -1,4 +1,4 @@
-"""The strip of picture along a backbone, and where each of its places lies in a pose.
+"""Strips of picture along a backbone: cross-sections, and how bends squeeze them.
 
 A place of the strip is (i, t): i counts steps of the backbone from head to tail, t [px] lies beside
 it. A pose puts it at B(i) + o N(i), where o is t, squeezed on the inner side of a bend. There a
@@ -78,7 +78,7 @@ def cross_sections(line: PlacedBackbone) -> Strip:
 
 @finite_kernel
 def _section_limits(points, normals):  # type: ignore[no-untyped-def]
-    """Return how long (m, 2) [px], left and right, cross-sections can be without meeting another.
+    """Return how far (m, 2) [px], left and right, cross-sections extend before two of them meet.
 
     points, normals (m, 2): of the sections; normals point to the animal's left. A limit is the
     radius of the largest circle that touches the backbone at one point. The circle that touches
@@ -111,7 +111,7 @@ def _section_limits(points, normals):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
-    """Return whether no point of a backbone is nearer than its end to point i, which is beyond it.
+    """Return whether point i, beyond an end of a backbone, is nearest to that end.
 
     end: row of the head or tail end. 1 % is tolerated.
     """
@@ -125,7 +125,7 @@ def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def squeeze_offset(t: float, limit: float) -> float:
-    """Return how far [px] beside a bent backbone a place t ≥ 0 [px] beside it is drawn, or HIDDEN.
+    """Return how far [px] from a bent backbone a point t ≥ 0 [px] beside it is drawn.
 
     On the inner side of a bend there is less room: limit [px] is the length of the cross-section.
     With f = r = limit / 2 the result is t up to f; beyond it f + r (q − q²/4), q = (t − f) / r,
@@ -142,7 +142,7 @@ def squeeze_offset(t: float, limit: float) -> float:
 
 @finite_kernel
 def unsqueeze_offset(o: float, limit: float) -> float:
-    """Return the place t ≥ 0 [px] that `squeeze_offset` draws at o [px], or HIDDEN.
+    """Return the offset t ≥ 0 [px] that `squeeze_offset` draws at o [px], or HIDDEN.
 
     limit: length [px] of the cross-section. With f = r = limit / 2 the result is o up to f; beyond
     it f + 2 r (1 − √(1 − (o − f) / r)).

@@ -1,4 +1,4 @@
-"""Backbones of an animal with a fat body and a thin tail, a mouse, so that frames compare.
+"""Make backbones of animals with a fat body and a thin tail, such as mice, comparable.
 
 Such a tail is visible only in some frames, and the backbone of a fat body is drawn towards it. So
 the backbone is smoothed as far as the body is wide, and divided where the body ends: the body has
@@ -16,7 +16,7 @@ from finloop.extract.backbone import resample_line
 
 
 class TailParameters(NamedTuple):
-    """Where a body ends and its tail begins, and how both are made alike in all frames.
+    """How the end of the body is found, and how body and tail are made comparable.
 
     thin: the body ends where its width falls to this share of its largest. smoothing: of the
     backbone, a standard deviation in half widths of the body. body: the share of the backbone's
@@ -31,7 +31,7 @@ class TailParameters(NamedTuple):
 
 
 def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
-    """Return how much the visible length of the tail varies: its 95 % minus its 5 % quantile.
+    """Return how much the tail's visible length varies: 95 % minus 5 % quantile, in body lengths.
 
     The unit is the median length of the body without the tail. tracks: half_width_px and backbone
     of k rows; backbones: (k, n, 2) px, head first; thin: as in `TailParameters`.
@@ -45,7 +45,7 @@ def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> 
 def align_body_and_tail(
     tracks: pd.DataFrame, backbones: Reals, parameters: TailParameters
 ) -> Points:
-    """Return backbones (k, n, 2) px on which a point is the same place of the animal in all rows.
+    """Return backbones (k, n, 2) px whose points lie at equal parts of body and tail in all rows.
 
     The first points, from the head, divide the body, the others the whole tail; where no tail is
     visible, the line continues straight. tracks: backbone_x_px, backbone_y_px, half_width_px of k
@@ -88,7 +88,7 @@ def _half_widths_head_first(tracks: pd.DataFrame, backbones: Reals) -> Floats:
 
 
 def _find_body_ends(widths: Floats, thin: float) -> Floats:
-    """Return where bodies end (k,), in points from the head; n - 1 if there is no tail.
+    """Return where bodies end (k,), as a fractional point number; n - 1 without a tail.
 
     widths (k, n): along the backbones, px. Ends lie between points, by linear interpolation.
     """
@@ -104,7 +104,7 @@ def _find_body_ends(widths: Floats, thin: float) -> Floats:
 
 
 def _smooth_line(line: Floats, width: Floats, smoothing: float) -> Floats:
-    """Return a backbone (n, 2) without the bends that are shorter than the body is wide.
+    """Return a backbone (n, 2) without bends that are shorter than the body is wide.
 
     width (n,): half widths, px; smoothing: standard deviation, in half widths. The line is mirrored
     beyond its ends, which stay, and divided evenly afterwards.

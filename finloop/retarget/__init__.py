@@ -1,4 +1,4 @@
-"""Motion of one animal, looks of another: motion retargeting (Gleicher 1998).
+"""Retarget motion: one animal's motion with another's looks (Gleicher 1998).
 
 The film's fish swims a track that was recorded elsewhere. Place, heading and bends come from the
 track; proportions, size, light and skin come from the film. For every tick finloop chooses a row of

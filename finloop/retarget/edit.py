@@ -1,4 +1,4 @@
-"""A retargeted track as an edit list: rows of the film, each in the requested posture."""
+"""Make the edit list of a retargeted track: rows of the film in the requested postures."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from finloop.puppet import Pose
 
 @dataclass(frozen=True)
 class RowSequence:
-    """Which film row is shown at each of T ticks (T,), and whether as a mirror image (T,).
+    """Which film row is shown at each of T ticks, (T,), and whether mirrored, (T,).
 
     switch: the ticks, from 1 on, at which another row is shown than the next one of the film.
     """
@@ -27,7 +27,7 @@ class RowSequence:
 
     @classmethod
     def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "RowSequence":
-        """Return the sequence of the rows numbered (T,); a mirror image has row number + count.
+        """Return the sequence of rows by number (T,); a mirror image has row number + count.
 
         follows (m,): the number that comes next in the film, −1 for none; count: rows of the film.
         """
@@ -35,13 +35,13 @@ class RowSequence:
         return cls(numbers % count, numbers >= count, switch)
 
     def to_pictures(self, heading_deg: Floats, bodies: Bodies) -> PictureSequence:
-        """Return the film's pictures to draw, turned to headings (T,) on screen, in degrees."""
+        """Return the film's pictures to draw, turned to headings (T,) [degrees]."""
         turn = wrap_deg(heading_deg - bodies.heading_deg[self.row])
         return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
 def shown_pose_codes(sources: RowSequence, joins: JoinRules) -> Floats:
-    """Return the pose codes (T, c), principal-component scores of the posture, drawn at each tick.
+    """Return the pose codes (T, c) that are drawn at each tick, with joins at jumps.
 
     sources: the row shown at each of T ticks. joins: how jumps are drawn. If its kind is INERTIAL,
     the difference between the postures before and after a jump dies away over the next ticks.
@@ -60,7 +60,7 @@ def shown_pose_codes(sources: RowSequence, joins: JoinRules) -> Floats:
 def build_edit_list(
     sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, joins: JoinRules, rate_hz: float
 ) -> pd.DataFrame:
-    """Return the edit list of a retargeted track: what is drawn at every tick (columns of `EDIT`).
+    """Return the edit list of a retargeted track: what is drawn at every tick.
 
     sources: the shown rows; pose (T): as drawn; codes (T, c): of these poses; scale (n,): at which
     each film row is drawn; joins: how jumps are drawn; rate_hz: ticks per second.
@@ -110,7 +110,7 @@ def build_edit_list(
 
 
 def _find_fades(shown: PictureSequence, jumps: Ints, joins: JoinRules) -> Ints:
-    """Return the ticks (m,) at which light and skin are cross-faded: those of most jumps (k,).
+    """Return the ticks (m,) of those jumps at which light and skin are cross-faded.
 
     Left out are the jumps to a near frame of the same track, which looks the same.
     """

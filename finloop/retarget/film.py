@@ -1,4 +1,4 @@
-"""A track for the film's fish: from its points to the edit list, with numbers about both."""
+"""Let the film's fish swim a recorded track: from its points to an edit list and metrics."""
 
 from typing import NamedTuple
 
@@ -46,7 +46,7 @@ to one that the film shows; switch: another row of the film begins."""
 
 
 class RetargetData(NamedTuple):
-    """The film whose frames are drawn, as earlier stages describe it.
+    """The film whose frames are drawn, as retargeting needs it.
 
     rate_hz: frames per second; arena (h, w): where the fish can be; reel: its rows; poses: their
     postures; look: light and skin of each row, then of each mirror image, as numbers; size: px of
@@ -83,7 +83,7 @@ class Retargeted(NamedTuple):
 
 
 class JoinParameters(NamedTuple):
-    """Parameters of other stages: `jumps` (how rows are compared) and `animate` (transitions).
+    """Parameters of the groups `jumps` (comparison of rows) and `animate` (transitions).
 
     join: the kind of transition, a cut, a cross-fade or inertialization.
     """
@@ -94,7 +94,7 @@ class JoinParameters(NamedTuple):
 
 
 def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
-    """Return a track to copy, made of rows of the film itself with their postures.
+    """Return a track to follow, made of rows of the film itself, with their postures.
 
     rows (t,): rows of the film; name: for messages.
     """
@@ -111,7 +111,7 @@ def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
 def retarget_track(
     track: Track, film: RetargetData, p: RetargetSettings, others: JoinParameters
 ) -> Retargeted:
-    """Return edit list, requested motion and metrics of the film's fish on a recorded track.
+    """Return the edit list, requested motion and metrics of the film's fish on a recorded track.
 
     film: the film whose frames are drawn; p: the group `retarget` of the parameters; others: those
     of other stages. FinloopError if the track is too short, swims tail first, has no body length,
@@ -150,7 +150,7 @@ def retarget_track(
 
 
 class _PlacedTrack(NamedTuple):
-    """A recorded track in this film's tank: points (T, m, 2) px along the body, poses (T).
+    """A recorded track in this film's tank: points (T, m, 2) px along the body, and poses (T).
 
     along (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the middle; codes (T,
     c): of the postures; clamped (T,): which of them were changed to ones that the film shows;
@@ -166,11 +166,11 @@ class _PlacedTrack(NamedTuple):
 
     @property
     def has_postures(self) -> bool:
-        """Return whether the points determine how the animal is bent."""
+        """Return whether the track has enough points to show how the animal is bent."""
         return len(self.along) > 2
 
     def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
-        """Return the shifts (T, 2) px that move bodies into the tank, and how they scale the path.
+        """Return shifts (T, 2) px that move bodies into the tank, and the path's scale.
 
         The path is scaled by a factor of at most 1; the bodies keep their size.
         """
@@ -180,7 +180,7 @@ class _PlacedTrack(NamedTuple):
         return (factor - 1) * (centre - centre.mean(0)) + shift, factor
 
     def shift(self, offset: Points, factor: float) -> "_PlacedTrack":
-        """Return the track shifted by offsets (T, 2) px of `offsets_into_tank`.
+        """Return the track shifted by offsets (T, 2) px.
 
         factor: by which the offsets changed the size of the path; only recorded, in `path_scale`.
         """
@@ -195,7 +195,7 @@ class _PlacedTrack(NamedTuple):
 def _fit_track_to_fish(
     track: Track, motion: RecordedMotion, film: RetargetData, p: RetargetSettings
 ) -> tuple[_PlacedTrack, float]:
-    """Return a recorded track as motion of this film's fish: scaled, with postures; and the scale.
+    """Return a recorded track scaled to this film's fish, with postures, and the scale.
 
     motion: its points at every tick. The scale is px of this film per px of the track. A track
     without postures gets the mean posture.
@@ -226,7 +226,7 @@ def _fit_track_to_fish(
 def _choose_rows_and_move_into_tank(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
-    """Return the film's rows that show a track best, and the track, moved into the tank.
+    """Return the film rows that show a track best, and the track moved into the tank.
 
     A track without postures gets those of its rows, so it is moved only after these are chosen. A
     path that has to shrink is slower, so its rows are chosen again.
@@ -246,7 +246,7 @@ def _choose_rows_and_move_into_tank(
 def _choose_rows(
     track: _PlacedTrack, rows: FilmRows, film: RetargetData, p: RetargetSettings
 ) -> RowSequence:
-    """Return the film rows, of those that can be shown, that swim most like a track."""
+    """Return the showable film rows that move most like a track, one for each tick."""
     pose = track.pose
     place_bl = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = track.codes if track.has_postures else None
@@ -260,7 +260,7 @@ def _choose_rows(
 def _choose_rows_without_postures(
     track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
-    """Return film rows for a track without postures, and the track with these rows' postures.
+    """Return the film rows that move most like a track, and the track with their postures.
 
     The rows are those that can be shown and swim most like the track.
     """
@@ -275,7 +275,7 @@ def _choose_rows_without_postures(
 
 
 def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
-    """Return the heading (T,), in radians, of a point (T, 2) px: its direction of travel.
+    """Return the direction of travel (T,), radians, of a point (T, 2) px.
 
     span: ticks to each side over which it is measured. While the point moves less than `still_px` a
     tick, the heading is interpolated; it is 0 if the point never moves more.
@@ -292,7 +292,7 @@ def _travel_headings(place: Points, span: int, still_px: float) -> Floats:
 def _requested_motion_table(
     motion: RecordedMotion, track: _PlacedTrack, sources: RowSequence
 ) -> pd.DataFrame:
-    """Return the motion of every tick, as requested and as drawn: columns of `ASKED`.
+    """Return a table of each tick's motion, as requested and as drawn: columns of `ASKED`.
 
     `apart` is the mean distance between the track's points and the drawn backbone, in its lengths;
     NaN for a track of a single point, on which the fish is placed exactly.

@@ -28,7 +28,7 @@ _LINES = ("track_id", "frame", "backbone_x_px", "backbone_y_px")
 
 
 def load_track(film: RetargetData, p: RetargetSettings) -> Track:
-    """Return the track that `retarget.tracks` names: from a file, another film, or `film` itself.
+    """Return the track that `retarget.tracks` names: of a file, another film, or this film.
 
     film: the film whose frames are drawn. FinloopError if the track cannot be read.
     """
@@ -56,12 +56,12 @@ def film_data_folder(path: Path) -> Path | None:
 
 
 def film_track_files(folder: Path) -> list[Path]:
-    """Return the four files in a film's folder data/ from which a track of it is read."""
+    """Return the four files of a film's folder data/ from which a track is read."""
     return [folder / name for name in (_SCENE, _TRACKS, _FEATURES, _FACTS)]
 
 
 def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
-    """Return a track of another film, loaded from its folder data/.
+    """Return a track of another film, read from its folder data/.
 
     steps: number of segments of a backbone in the film that is to be drawn. FinloopError if the
     other film's tables do not match, or the track is missing.

@@ -1,4 +1,4 @@
-"""A recorded track at the film's rate: its longest stretch, with gaps filled, head first."""
+"""Resample a recorded track to the film's rate: longest stretch, gaps filled, head first."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ _BACKWARDS = 0.25  # of the path; if less is travelled head first, head and tail
 
 
 class RecordedMotion(NamedTuple):
-    """The part of a recorded track that is used, resampled to the ticks of the animation.
+    """The used stretch of a recorded track, resampled to ticks of the animation.
 
     time_s (T,): in the track's file; points (T, m, 2): px of the file; codes (T, c): pose codes, of
     a track of the drawn film, else None; numbers: how much was filled and left out, by name.
@@ -84,7 +84,7 @@ def resample_track(track: Track, rate_hz: float, p: RetargetSettings) -> Recorde
 
 
 def forward_share(points: Floats) -> float:
-    """Return the share, 0-1, of its path that an animal travels head first.
+    """Return the share (0-1) of its path that an animal travels head first.
 
     points (T, m, 2): head first; the result is 1 if m is 1, or if the animal never moves.
     """

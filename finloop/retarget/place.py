@@ -1,4 +1,4 @@
-"""The place of a track: its points at this film's scale, moved into the tank."""
+"""Place a recorded track in the tank: scale its points, and move them inside."""
 
 import numpy as np
 import scipy
@@ -14,7 +14,7 @@ _ROUNDS = 12  # of halving, to find how much smaller a path has to be
 
 
 def track_scale(track: Track, length_px: float, p: RetargetSettings) -> float:
-    """Return how many px of the tank one px of a recorded track becomes.
+    """Return the scale of a recorded track: px of the tank per px of its file.
 
     length_px: on this film's fish, the length of what `track.length_px` measures. FinloopError if
     the track has no length.
@@ -40,14 +40,14 @@ def find_points_outside(points: Points, arena: Mask) -> Mask:
 
 
 def _round_to_pixels(points: Points) -> Ints:
-    """Return the pixels (…, 2) that contain points (…, 2) px."""
+    """Return the pixel (…, 2) that contains each point (…, 2) px."""
     return np.floor(points + 0.5).astype(np.int64)
 
 
 def find_placement(
     bodies: Points, arena: Mask, length_px: float, p: RetargetSettings
 ) -> tuple[Floats, float]:
-    """Return how to move a path into the tank: the shift (2,) px, and the path's relative size.
+    """Return the shift (2,) px that moves a path into the tank, and the path's relative size.
 
     bodies (T, k, 2) px: the drawn points of the animal, which keeps its size on a smaller path;
     arena (h, w): True inside; length_px: body length. The size is 1 unless the placement is
@@ -88,19 +88,19 @@ def find_placement(
 
 
 def shrink_path(bodies: Points, size: float) -> Points:
-    """Return bodies (T, k, 2) on a path `size` times as large; each body keeps its size."""
+    """Return bodies (T, k, 2) on a path of `size` times its size; each body keeps its own."""
     centres = bodies.mean(1, keepdims=True)
     return bodies + (size - 1) * (centres - centres.mean(0))
 
 
 def _format_size(points: Points, length_px: float) -> str:
-    """Return width and height of points (…, 2) px in body lengths, as text."""
+    """Return the extent of points (…, 2) px as text: width and height in body lengths."""
     wide, high = np.ptp(points.reshape(-1, 2), axis=0) / length_px
     return f"{wide:.1f} × {high:.1f}"
 
 
 def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | None:
-    """Return the shift (x, y) in whole px that moves bodies (T, k, 2) px into the arena, or None.
+    """Return the shift (x, y) in whole px that moves bodies (T, k, 2) into the arena; None if none.
 
     length_px: body length. Of the shifts that leave no point outside, the one with the points
     farthest from the walls is taken. Shifts by whole cells of a coarse map are tried first, and
@@ -119,7 +119,7 @@ def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | N
 
 
 def _find_shift_by_cells(pixels: Ints, arena: Mask, wall_cost: Floats, cell: int) -> Floats | None:
-    """Return the best shift (x, y) px of pixels (n, 2) into the arena, in steps of a cell; or None.
+    """Return the best shift (x, y) px of pixels (n, 2) into the arena in steps of a cell, or None.
 
     cell: side of a cell, px; wall_cost (h, w): of each pixel, for being near a wall. Two
     correlations try all shifts at once: one counts the points outside, the other sums the cost. A
@@ -149,7 +149,7 @@ def _find_shift_by_cells(pixels: Ints, arena: Mask, wall_cost: Floats, cell: int
 
 
 def _cut_into_cells(values: Floats, cell: int) -> Floats:
-    """Return a map (h, w) cut into cells of `cell` px: (rows, cell, columns, cell), 0 beyond it."""
+    """Return a map (h, w) as cells of `cell` px: (rows, cell, columns, cell), padded with 0."""
     height, width = values.shape
     padded = np.pad(values, ((0, -height % cell), (0, -width % cell)))
     return padded.reshape(padded.shape[0] // cell, cell, -1, cell)

@@ -1,4 +1,4 @@
-"""Requested lines as postures of this film: probabilistic principal components, and alignment.
+"""Find the film's postures for requested body lines: probabilistic PCA, and alignment.
 
 A body keeps its proportions: only the bends of a recorded animal are used, not the lengths of its
 parts. Bends are some of the components of a posture. With the film's principal shapes as a
@@ -26,7 +26,7 @@ _HEAD = 1 / 3  # of the body: the chord of this part is the first heading
 
 
 class FittedPostures(NamedTuple):
-    """Postures that the film can show, for T ticks (pose), and their codes (T, c).
+    """Postures that the film can show at T ticks (pose), and their codes (T, c).
 
     clamped (T,): which were changed, as the film shows nothing like them.
     """
@@ -39,7 +39,7 @@ class FittedPostures(NamedTuple):
 def fit_postures(
     points: Points, along: Floats, shapes: PoseShapes, size_px: float, codes: Floats | None = None
 ) -> FittedPostures:
-    """Return the film's postures nearest to recorded lines (T, m, 2) px, head first, m > 2.
+    """Return the film's postures nearest to recorded body lines (T, m, 2) px, head first.
 
     along (m,): where along the body the points are, 0 = head, 1 = tail; size_px: typical length of
     the animal to draw; codes (T, c): the pose codes (principal-component scores), None if unknown.
@@ -62,7 +62,7 @@ def fit_postures(
 
 
 def _directions_from_head(points: Points, along: Floats) -> tuple[Floats, Floats]:
-    """Return the direction of the head (T,), and those of the body's steps relative to it.
+    """Return the head's direction (T,), and the body steps' directions relative to it, radians.
 
     Both are radians, anticlockwise on screen; the steps (T, m − 1) lead towards the head, without
     jumps of 2 π along the body. The head points from a third of the body to its first point.
@@ -127,7 +127,7 @@ def align_postures(
 
 
 def places_on_body(pose: Pose, along: Floats) -> Points:
-    """Return the places (T, m, 2) px on the backbones of poses (T) at shares (m,) of the body.
+    """Return the points (T, m, 2) px at shares (m,) of the backbones of poses (T).
 
     along: 0 = head, 1 = tail, NaN = the mass centre.
     """
@@ -141,12 +141,12 @@ def places_on_body(pose: Pose, along: Floats) -> Points:
 
 
 def backbone_length_share(shapes: PoseShapes) -> float:
-    """Return the length of the mean posture's backbone, as a multiple of the size (`size_px`)."""
+    """Return the length of the mean posture's backbone, in typical lengths (`size_px`)."""
     return float(backbone_steps(shapes.mean).sum())
 
 
 def straight_distance_share(shapes: PoseShapes, along: Floats) -> float:
-    """Return the straight distance between two places of a fish in the mean posture.
+    """Return the straight distance of two points on the mean posture, in typical lengths.
 
     Its unit is `size_px`, the typical length. along (2,): the places, 0 = head, 1 = tail.
     """

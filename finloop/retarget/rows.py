@@ -1,4 +1,4 @@
-"""Which frames of the film a track is drawn from: the cheapest sequence of rows (Viterbi).
+"""Choose the film rows that a track is drawn from: the cheapest sequence (Viterbi).
 
 Each tick costs the difference between its row and the requested motion, in natural steps, per Δ.
 Playing the film on costs nothing. A transition costs `switch` natural steps, plus the difference in
@@ -28,7 +28,7 @@ _BEAM = 4  # times the candidates: the sequences kept for the next tick
 
 @dataclass(frozen=True)
 class FilmRows:
-    """The m rows of a film that can be shown, as vectors in which they are compared.
+    """The m rows of a film that can be shown, as vectors by which they are compared.
 
     m is `count`, or twice that with mirror images; a mirror image has its row's number + count.
     values (m, d): posture, its change, and motion; motion alone for a track without postures. seen
@@ -48,7 +48,7 @@ class FilmRows:
     def from_reel(
         cls, reel: Reel, poses: FilmPoses, look: Reals, weights: Weights, has_postures: bool
     ) -> "FilmRows":
-        """Return the rows of a film as vectors in which they can be compared.
+        """Return the rows of a film as vectors by which they can be compared.
 
         look: light and skin of each row, then of each mirror image, from the stage `jumps`;
         weights: of pose, its change, motion and look; has_postures: whether the track has postures.
@@ -91,7 +91,7 @@ class FilmRows:
         )
 
     def exclude_rows(self, rows: Ints) -> "FilmRows":
-        """Return the film's rows without some of them and their mirror images.
+        """Return the film's rows with some of them, and their mirror images, made unusable.
 
         These keep their numbers, but are infinitely distant, and no row is followed by one of them.
         rows: their numbers in the film. FinloopError if no row remains.
@@ -108,7 +108,7 @@ class FilmRows:
         return replace(self, values=values, follows=follows)
 
     def query_vectors(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
-        """Return the requested motion as vectors (T, d) that can be compared with `values`.
+        """Return requested motion as vectors (T, d), comparable with `values`.
 
         place (T, 2): of the mass centre, body lengths; heading_rad (T,): not wrapped; codes (T, c):
         pose codes (principal-component scores), None for a track without postures.
@@ -122,7 +122,7 @@ class FilmRows:
 
 
 def _join_and_flatten(parts: list[Floats]) -> Floats:
-    """Return arrays (s, n, …) joined along the last axis as a matrix (s n, …)."""
+    """Return s arrays (n, …) joined along the last axis, as a matrix (s n, …)."""
     joined = np.concatenate(parts, axis=-1)
     return joined.reshape(-1, joined.shape[-1])
 
@@ -130,7 +130,7 @@ def _join_and_flatten(parts: list[Floats]) -> Floats:
 def find_cheapest_rows(
     rows: FilmRows, requested: Floats, candidates: int, switch: float, delta: int
 ) -> Ints:
-    """Return the film rows (T,) that follow a requested motion at the least total cost (Viterbi).
+    """Return the film rows (T,) that follow a requested motion at least total cost (Viterbi).
 
     requested (T, d): vectors of `query_vectors`; candidates: nearest rows tried at a tick, besides
     those that play on; switch: cost of a jump, in natural steps (median steps of the film); delta:
@@ -167,7 +167,7 @@ def find_cheapest_rows(
 def _costs_of_reaching(
     rows: FilmRows, tried: Ints, beam: Ints, costs: Floats, switch: float
 ) -> Floats:
-    """Return the costs (b, k) of the sequences of a beam when each goes on with each tried row.
+    """Return the cost (b, k) of continuing each sequence of a beam with each tried row.
 
     beam (b,): the last rows of the sequences; costs (b,): of these; tried (k,): rows, ascending. A
     jump costs `switch` and its discontinuity from the row that was due; playing on costs nothing.

@@ -1,4 +1,4 @@
-"""A recorded track: the points of one animal along its body, frame by frame, as in the file."""
+"""A recorded track: points along one animal's body, frame by frame, as in its file."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -22,7 +22,7 @@ _ZIGZAG = 1.5  # times the distance from head to tail; a longer line has its poi
 
 
 class Track(NamedTuple):
-    """A recorded track: points of one animal along its body, head first, in the px of its file.
+    """A recorded track: points along one animal's body, head first, in px of its file.
 
     frame (t,): numbers in the file, ascending; points (t, m, 2), NaN where not given; along (m,):
     where along the body they are, 0 = head, 1 = tail, NaN = the middle of the animal; length_px: of
@@ -41,12 +41,12 @@ class Track(NamedTuple):
 
     @property
     def has_postures(self) -> bool:
-        """Return whether there are enough points, 3, to show how the animal is bent."""
+        """Return whether the track has enough points, 3, to show how the animal is bent."""
         return len(self.along) > 2
 
 
 def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
-    """Return the track of the animal that the settings `p` name, from a file of poses.
+    """Return the track of one animal, chosen by the settings, in a file of poses.
 
     rate_hz: frames per second of the file; steps: number of segments of a backbone in the film that
     is to be drawn. A track of three keypoints or more is resampled at the points of such a backbone
@@ -81,7 +81,7 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
 def track_from_backbones(
     name: str, rate_hz: float, frame: Ints, backbone: Floats, steps: int
 ) -> Track:
-    """Return a track of backbones (t, k, 2) px, resampled to as many points as another film's.
+    """Return a track made of backbones (t, k, 2) px, resampled to steps + 1 points.
 
     name: of the film they come from, for messages; frame (t,): their frame numbers; backbone: its k
     points are equally far apart, head first; steps: number of segments of a backbone in the film
@@ -94,7 +94,7 @@ def track_from_backbones(
 
 
 def _select_animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
-    """Return name, frames (t,) and points (t, keypoints, 2) of the animal that the settings name.
+    """Return name, frames (t,) and points (t, keypoints, 2) of the animal in the settings.
 
     Points that are not given, or not confident enough, are NaN.
     """
@@ -114,7 +114,7 @@ def _select_animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats
 
 
 def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int:
-    """Return the number of the animal with a name; None: of the one that most frames show.
+    """Return the number of the named animal; without a name, of the one in most frames.
 
     counts: the frames that show each animal. FinloopError if no animal has the name.
     """
@@ -163,7 +163,7 @@ def body_keypoint_numbers(keypoints: Sequence[str], points: Floats, p: RetargetS
 
 
 def _find_points_between(head: Floats, tail: Floats, points: Floats) -> list[int]:
-    """Return the numbers of points near the line from head to tail, in their order along it.
+    """Return the numbers of points near the line from head to tail, in order along it.
 
     head, tail (t, 2); points (t, m, 2) px in t frames, NaN where they are not seen. In the median
     of the frames a point must be near the line, and not near an end: there it is the end itself by
@@ -184,12 +184,12 @@ def _find_points_between(head: Floats, tail: Floats, points: Floats) -> list[int
 
 
 def _letters_of(name: str) -> str:
-    """Return the letters of a keypoint's name in lower case."""
+    """Return only the letters of a keypoint's name, in lower case."""
     return "".join(letter for letter in name.lower() if letter.isalpha())
 
 
 def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
-    """Return each frame's body line resampled to places (t, m, 2) px, at shares (m,) of its length.
+    """Return body lines resampled to points (t, m, 2) px, at shares (m,) of their lengths.
 
     points (t, k, 2) px, in order along the body; share: 0 = first, 1 = last point; name: for
     messages. The line is a cubic spline by the length of the chords between given points. NaN where
@@ -223,7 +223,7 @@ def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
 
 
 def _body_length_px(points: Floats, along: Floats) -> float | None:
-    """Return the body length [px] from points (t, m, 2) at shares (m,) of it; None for a point."""
+    """Return the body length [px] by points (t, m, 2) at shares (m,) of it; None for one point."""
     if len(along) == 1:
         return None
     lengths_px = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0)).sum(1)

@@ -1,4 +1,4 @@
-"""A picture of one carp in one pose: colours, opacity, and the exact coverage of every pixel."""
+"""Draw one carp in one pose: colours, opacity, and the exact coverage of every pixel."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,7 +17,7 @@ LIGHT = (-0.6, -0.8)  # unit vector on the screen towards the light: from the up
 
 
 class FinShape(NamedTuple):
-    """A pair of fins: where they begin, how large they are, and how far they open.
+    """The shape of a pair of fins: where they begin, how large they are, how far they open.
 
     s: place of the root along the body, 0 = snout, 1 = tail end; root_share: its distance from the
     midline, as a share of the half width; length: body lengths; breadth: fin lengths; closed_rad,
@@ -38,7 +38,7 @@ PELVIC = FinShape(0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
 
 @dataclass(frozen=True)
 class CarpPicture:
-    """A sharp picture of one carp; its first pixel is at (x0, y0) of the film's picture."""
+    """A sharp picture of one carp; its upper left pixel is at (x0, y0) of the film's picture."""
 
     x0: int
     y0: int
@@ -62,7 +62,7 @@ class CarpPicture:
 
 
 def _tangents_to_head(line: Floats) -> Floats:
-    """Return the unit tangents (n, 2) of a midline (n, 2), pointing towards its start, the head."""
+    """Return the unit tangents (n, 2) of a midline (n, 2), which point towards the head."""
     step = line[:-1] - line[1:]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
     tangent = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])  # inside, of both neighbours
@@ -70,7 +70,7 @@ def _tangents_to_head(line: Floats) -> Floats:
 
 
 def draw_carp(line: Floats, fins: tuple[float, float], colours: FishColours) -> CarpPicture:
-    """Return the picture of a carp along its midline, with opacity and coverage.
+    """Return the picture of a carp along a midline, with opacity and coverage.
 
     line (65, 2): px, head to tail, equal arc length; fins: how far the left and right paired fins
     are open, 0-1; colours: of the fish.
@@ -101,7 +101,7 @@ def _draw_fins(
     picture: Image, coverage: Image, line: Floats, length_subpx: float, fins: tuple[float, float],
     fin_picture: Image,
 ) -> None:  # fmt: skip
-    """Draw the paired fins into a picture (h, w, 4) and its coverage (h, w), which are changed.
+    """Draw the paired fins into a picture (h, w, 4) and its coverage (h, w), both changed in place.
 
     Both are in subpixels. line (65, 2): midline in subpixels, head to tail; length_subpx: of the
     body; fins: how far the left and right ones are open, 0-1; fin_picture: `FishColours.fin`.
@@ -132,7 +132,7 @@ def _draw_fins(
 def _draw_body(
     picture: Image, coverage: Image, line: Floats, length_subpx: float, skin: Image
 ) -> None:
-    """Draw the body into a picture (h, w, 4) and its coverage (h, w), which are changed.
+    """Draw the body into a picture (h, w, 4) and its coverage (h, w), both changed in place.
 
     Both are in subpixels. line (65, 2): midline in subpixels, head to tail; length_subpx: of the
     body; skin: `FishColours.skin`.
@@ -150,7 +150,7 @@ def _draw_body(
 
 
 class _BodyPixels(NamedTuple):
-    """The n subpixels of a picture that the body covers, (n,) each.
+    """The n subpixels of a picture that the body covers, as arrays (n,).
 
     flat_index: in the flattened picture; s: place along the body, 0 snout, 1 tail end; v: distance
     from the midline, body lengths, + to the left; left_x: x of the unit vector to the fish's left;
@@ -168,7 +168,7 @@ class _BodyPixels(NamedTuple):
 def _find_pixels_near_midline(
     line: Floats, rows: int, columns: int, length_subpx: float
 ) -> tuple[NDArray[np.intp], Image]:
-    """Return the n subpixels of a picture (rows, columns) that the body about a midline may cover.
+    """Return the subpixels that the body may cover, and the nearest midline point of each.
 
     The results (n,) are the index in the flattened picture, and the nearest place on the midline (0
     at the head, k − 1 at the tail end), to about a subpixel. line (k, 2): midline in subpixels;
@@ -199,7 +199,7 @@ def _find_pixels_near_midline(
 
 
 def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float) -> _BodyPixels:
-    """Return the subpixels of a picture (rows, columns) that the body about a midline covers.
+    """Return the subpixels of a picture (rows, columns) that the body along a midline covers.
 
     line (k, 2): midline in subpixels, head to tail; length_subpx: of the body.
     """
@@ -233,7 +233,7 @@ def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float
 
 
 def _body_coverage(s: Image, v: Image, length_subpx: float) -> tuple[Image, Image]:
-    """Return the squared half width (n,) of the body at s, and the covered share of each subpixel.
+    """Return the squared half width (n,) of the body at s, and how much of each subpixel it covers.
 
     s, v (n,): body coordinates of the subpixels; length_subpx: of the body. Widths are in body
     lengths.
@@ -248,7 +248,7 @@ def _body_coverage(s: Image, v: Image, length_subpx: float) -> tuple[Image, Imag
 
 
 def _shade_body(body: _BodyPixels, skin: Image) -> Image:
-    """Return RGB and opacity (n, 4) of the body's n subpixels in the light.
+    """Return the lit RGB and opacity (n, 4) of the n subpixels that the body covers.
 
     skin: a picture (rows, columns, 4) of the whole skin, RGB and opacity, the snout at column 0.
     """
@@ -277,7 +277,7 @@ def _shade_body(body: _BodyPixels, skin: Image) -> Image:
 def _paint_fin(
     picture: Image, coverage: Image, fin: Image, root: Floats, along: Floats, half_breadth: Floats
 ) -> None:
-    """Paint a fin into a picture (h, w, 4) and its coverage (h, w), which are changed.
+    """Paint one fin into a picture (h, w, 4) and its coverage (h, w), both changed in place.
 
     fin (side, side, 5): premultiplied RGB, opacity and coverage; root (2,): where it begins,
     subpixels; along, half_breadth (2,): vectors from the root to its tip and from its middle to its
@@ -301,7 +301,7 @@ def _paint_fin(
 
 
 def blur_drawing(drawing: CarpPicture) -> tuple[Image, Image]:
-    """Return colour (rows, columns, 3) and opacity (rows, columns) of a fish, blurred by a lens.
+    """Return premultiplied colour (h, w, 3) and opacity (h, w) of a carp, blurred as by a lens.
 
     The colour is premultiplied RGB.
     """

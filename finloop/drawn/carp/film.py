@@ -1,4 +1,4 @@
-"""A drawn top-view film of carp with exact ground truth, from a seed.
+"""Draw a film of carp from above from a seed, with exact ground truth.
 
 Coordinates are pixels, centres at integers, x right, y down. Angles and bends are + for left, that
 is anticlockwise as seen on screen.
@@ -45,7 +45,7 @@ def is_tank_large_enough(params: CarpFilm) -> bool:
 
 
 class _RandomGenerators(NamedTuple):
-    """Independent random generators, one for each thing that is random in a film."""
+    """Independent random generators, one for each random property of a film."""
 
     motion: np.random.Generator
     floor: np.random.Generator
@@ -60,7 +60,7 @@ def _random_generators(seed: int) -> _RandomGenerators:
 
 
 def carp_motion(params: CarpFilm) -> CarpMotion:
-    """Return the poses of all fish in all frames of the film, about 80 bytes a fish and frame."""
+    """Return the poses of all fish in all frames of the film."""
     return simulate_swimming(
         params.frames,
         params.fish,
@@ -88,7 +88,7 @@ def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
 
 @lru_cache(maxsize=2)  # painting takes as long as drawing some dozen frames
 def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
-    """Return the colours of `fish` fish from a seed, with skin pictures `columns` px wide."""
+    """Return the colours of all fish, from a seed, with skin pictures `columns` px wide."""
     random = _random_generators(seed)
     first_coat = int(random.light.integers(4))  # there are four coats, taken in turn
     return tuple(
@@ -97,7 +97,7 @@ def _paint_all_fish(seed: int, fish: int, columns: int) -> tuple[FishColours, ..
 
 
 def light_levels(params: CarpFilm) -> Floats:
-    """Return the brightness of the light in every frame, (frames,): 1 ± `light_drift`."""
+    """Return the brightness (frames,) of the light in every frame, about 1."""
     # The generator's first number chooses the colours of the fish, so three others are used.
     phases = _random_generators(params.seed).light.uniform(0, 2 * np.pi, 4)[1:]
     time_s, variation = np.arange(params.frames) / params.frame_rate_hz, np.zeros(params.frames)
@@ -117,7 +117,7 @@ def empty_tank(params: CarpFilm) -> Image:
 
 
 def _truth_row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpMotion) -> Row:
-    """Return the truth about a fish in a frame: a row of `finloop.drawn.truth.TRUTH`.
+    """Return the true features of a fish in a frame: a row of `finloop.drawn.truth.TRUTH`.
 
     fish: its number; line (65, 2): its midline, px; drawing: its picture; poses: of all fish.
     """
@@ -144,7 +144,7 @@ def _truth_row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses:
 
 
 def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
-    """Return sensor noise (h, w, 1 or 3), `NOISE_PAD` px larger than a frame, for random crops.
+    """Return sensor noise (h, w, 1 or 3), larger than a frame by NOISE_PAD px, for random crops.
 
     Its SD is `noise_grey` grey levels. A film in colour also has noise of hue, which keeps the grey
     level and is half as strong, as after a camera's denoising.
@@ -159,7 +159,7 @@ def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
 
 
 def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
-    """Darken the floor under a fish in a picture (h, w, 3 or 1), in place.
+    """Darken the floor under a fish in a picture (h, w, 3 or 1), in place; return where.
 
     Return the rows and columns that have changed.
     """
@@ -178,7 +178,7 @@ def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tupl
 def _overlap_windows(
     picture: Image, x0: int, y0: int, shape: tuple[int, ...]
 ) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Return the overlap of a picture and a patch: slices of the picture, and of the patch.
+    """Return where a patch and a picture overlap: slices of the picture, and of the patch.
 
     x0, y0: place of the patch in the picture, px; shape: of the patch. They must overlap.
     """

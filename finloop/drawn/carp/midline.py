@@ -1,4 +1,4 @@
-"""The midline of the drawn carp: its shape in a pose, and measures of a shape.
+"""Compute the midline of the drawn carp in a pose, and measures of a midline.
 
 Lengths are in body lengths, angles in radians, anticlockwise as seen on screen. The screen's y
 points down, so a unit vector at angle a is ``(cos a, -sin a)``; ``+`` is left.
@@ -34,7 +34,7 @@ _WAVE *= np.clip(_S / 0.3, 0, 1) ** 2 / SEGMENTS
 
 @cache
 def _mass_shares() -> tuple[Floats, Floats]:
-    """Return the body's mass at its 65 points and in its 64 segments, as shares with sum 1 each."""
+    """Return the shares of the body's mass at its 65 points and in its 64 segments."""
     width = half_width(np.linspace(0, 1, POINTS))
     points = width / width.sum()
     segments = points[1:] + points[:-1]
@@ -50,7 +50,7 @@ def midline_of_pose(
     bend: float,
     ripple: Sequence[float] | Floats = (0.0, 0.0),
 ) -> Floats:
-    """Return the midline of a carp in a pose, (65, 2) body lengths, head to tail, of arc length 1.
+    """Return the midline of a carp in a pose, (65, 2) body lengths, head to tail.
 
     x, y: mass centre, body lengths, y down; axis: mean direction towards the head, radians
     anticlockwise; beat: phase of the tail beat, cycles; amplitude: of the beat, 1 = cruising; bend:
@@ -78,7 +78,7 @@ def midline_of_pose(
 
 
 def midline_bend(line: Floats) -> float:
-    """Return the signed area between a midline and its chord, as a share of the squared length.
+    """Return the signed area between a midline and its chord, divided by the squared length.
 
     line (k, 2): head to tail, any unit, y down. The area is positive for a bend to the left.
     """
@@ -88,7 +88,7 @@ def midline_bend(line: Floats) -> float:
 
 
 def midline_heading(line: Floats) -> float:
-    """Return the direction to the head from a third of the way to the tail, degrees (-180, 180].
+    """Return the heading of a midline: the direction of its front third, degrees (-180, 180].
 
     line (k, 2): the midline, head to tail, y down. 0 is to the right, + anticlockwise on screen.
     """
@@ -101,7 +101,7 @@ def midline_heading(line: Floats) -> float:
 
 
 def midline_curvature(line: Floats) -> float:
-    """Return the midline's direction at the head minus at the tail, degrees, + for left.
+    """Return a midline's total bend: direction at the head minus at the tail, degrees, + left.
 
     line (k, 2): head to tail, y down.
     """

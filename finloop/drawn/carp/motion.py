@@ -1,4 +1,4 @@
-"""The motion of all drawn carp in a film, from a seed: C-turns, cruising, gliding, bursts.
+"""Simulate the motion of all drawn carp from a seed: C-turns, cruising, gliding, bursts.
 
 Units are those of `drawn.carp.midline`, times in seconds. A fish is a point (its mass centre) with
 an axis. The axis turns in C-turns (in, hold, out) and the point moves along it: thrust follows the
@@ -50,7 +50,7 @@ class CarpMotion:
 
 
 def allowed_rectangle(width_px: int, height_px: int, body_length_px: float) -> Rectangle:
-    """Return where mass centres may be in a tank: x0, y0, x1, y1 in body lengths.
+    """Return the rectangle of a tank in which mass centres may be: x0, y0, x1, y1, body lengths.
 
     x1 < x0 or y1 < y0 if the tank is too small.
     """
@@ -71,7 +71,7 @@ def simulate_swimming(
     fins: float,
     rng: np.random.Generator,
 ) -> CarpMotion:
-    """Return simulated poses of all fish in all frames; a longer film only adds frames at its end.
+    """Return simulated poses of all fish in all frames; a longer film begins like a shorter one.
 
     frames, fish: numbers of both; room: where mass centres may be; fins: share of the time in which
     the pectoral fins are open, 0-1; rng: source of chance.
@@ -108,7 +108,7 @@ def simulate_swimming(
 def _starting_places(
     fish: int, room: Rectangle, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Return a starting place (x, y) for each of `fish` fish in a room, in body lengths.
+    """Return a starting position (x, y) for each fish in a room, in body lengths.
 
     The first is random. Each other is, of 400 random places, the one whose nearest starting place
     is farthest away.
@@ -125,19 +125,19 @@ def _starting_places(
 
 
 def _smoothstep(x: float) -> float:
-    """Return a smooth step: 0 for x below 0, 1 for x above 1, a cubic with flat ends between."""
+    """Return the cubic smooth step: 0 for x below 0, 1 for x above 1."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3 - 2 * x)
 
 
 def bend_in_turn(tau: float) -> float:
-    """Return how bent the body is after a share `tau` (0-1) of a C-turn: from 0 to 1 to 0."""
+    """Return how bent the body is (0 to 1 to 0) after a share `tau` (0-1) of a C-turn's time."""
     # It bends up to 0.36, holds, and straightens from 0.50 to 0.96.
     return _smoothstep(tau / 0.36) - _smoothstep((tau - 0.50) / 0.46)
 
 
 def angle_share_in_turn(tau: float) -> float:
-    """Return the share (0-1) of a turn's angle that is complete after a share `tau` of its time."""
+    """Return the share (0-1) of a turn's angle reached after a share `tau` of its time."""
     return _smoothstep((tau - 0.06) / 0.94)
 
 
@@ -155,7 +155,7 @@ def _distance_to_edge(x: float, y: float, angle: float, room: Rectangle) -> floa
 
 
 class Swimmer:
-    """A simulated carp; `advance` moves it on by one time step.
+    """A simulated carp; `advance` moves it by one time step.
 
     x, y: mass centre; axis: direction, radians; room: where the mass centre may be; fins: share of
     the time in which the pectoral fins are open; rng: source of chance.
@@ -170,7 +170,7 @@ class Swimmer:
         fins: float,
         rng: np.random.Generator,
     ) -> None:
-        """Begin to cruise or to glide at a place and in a direction."""
+        """Start to cruise or to glide at a position and in a direction."""
         self.x, self.y, self.axis = x, y, axis
         self.room, self.fins_share, self.rng = room, fins, rng
         self.speed, self.slip = 0.7, 0.0
@@ -191,7 +191,7 @@ class Swimmer:
         self._begin_straight(str(rng.choice(STRAIGHT[:2])))
 
     def _begin_straight(self, mode: str) -> None:
-        """Begin a kind of straight swimming: "cruise", "glide" or "burst"."""
+        """Begin to swim straight: "cruise", "glide" or "burst"."""
         # Ranges of the duration [s], and of the tail beat: rate [beats/s] and amplitude.
         seconds, rates, amplitudes = {
             "cruise": ((1.2, 3.2), (1.3, 2.1), (0.7, 1.0)),
@@ -204,7 +204,7 @@ class Swimmer:
         self.target_amplitude = float(self.rng.uniform(*amplitudes))
 
     def _begin_turn(self, angle: float) -> None:
-        """Begin a C-turn by `angle`, radians, + left: the wider, the faster and the more bent.
+        """Begin a C-turn by `angle`, radians, + left; a wider turn is faster and more bent.
 
         The constants are chosen by eye: a turn by 180° takes about 1.1 s.
         """
@@ -219,7 +219,7 @@ class Swimmer:
         self.target_rate, self.target_amplitude = 1.2, 0.15  # of the tail beat
 
     def _pick_turn(self, others: Sequence["Swimmer"], sharp: bool) -> float | None:
-        """Return the angle of a turn into open water, radians, + left; None if no turn is good.
+        """Return the angle of a good turn into open water, radians, + left; None if there is none.
 
         others: the other fish; sharp: whether wide angles are welcome, because something is near.
         Of 28 random angles the one with the best score is taken: room ahead, distance from other
@@ -244,8 +244,8 @@ class Swimmer:
                     best, best_angle = score, angle
         return best_angle
 
-    def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """Begin another kind of motion if the present one ends, or if a wall or a fish is near.
+    def _choose_motion(self, others: Sequence["Swimmer"], dt: float) -> None:
+        """Begin another kind of motion if the present one ends, or a wall or a fish is near.
 
         others: the other fish; dt: seconds since the last call. Distances [body lengths], chances
         and times are chosen by eye, after a calm carp.
@@ -278,7 +278,7 @@ class Swimmer:
     def _begin_at_random(
         self, others: Sequence["Swimmer"], may_turn: bool, wall_distance: float
     ) -> None:
-        """Begin a random kind of motion: a glide, a turn, a burst or cruising.
+        """Begin a random kind of motion: glide, turn, burst or cruise.
 
         A fish that glides already turns instead of gliding again. It cruises in place of a turn
         that may not begin or finds no angle, and of a burst within 2.5 body lengths of the wall.
@@ -300,7 +300,7 @@ class Swimmer:
             self._begin_straight("cruise")
 
     def _random_fin_time(self) -> float:
-        """Return a random time, s, until the pectoral fins open or close; inf if they never do.
+        """Return a random time [s] until the pectoral fins open or close; inf if they never do.
 
         If they never do, `fins_open` is set, for good. Open fins close after 1.3 s on average.
         """
@@ -313,8 +313,8 @@ class Swimmer:
         return float(mean * self.rng.uniform(0.5, 1.5))
 
     def advance(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """Advance the fish by `dt` seconds: decide, bend, turn, beat, move; avoid `others`."""
-        self._decide(others, dt)
+        """Advance the fish by `dt` seconds: choose its motion, bend, turn, beat, move."""
+        self._choose_motion(others, dt)
         axis_before = self.axis
         is_late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s  # its last part
         self._turn(dt, is_late)
@@ -323,7 +323,7 @@ class Swimmer:
         self._move_fins(dt)
 
     def _turn(self, dt: float, is_late: bool) -> None:
-        """Bend the body, turn its axis in `dt` s, and set the swimming type that an eye would see.
+        """Bend the body and turn its axis for `dt` s; set the visible swimming type.
 
         is_late: whether the fish is in the last part of a turn.
         """
@@ -351,7 +351,7 @@ class Swimmer:
             self.turn_over = is_late
 
     def _beat_tail(self, dt: float, is_late: bool) -> None:
-        """Beat the tail for `dt` seconds; rate and amplitude reach their targets in about 0.5 s.
+        """Beat the tail for `dt` seconds; rate and amplitude approach their targets.
 
         is_late: whether the fish is in the last part of a turn, when it speeds up.
         """
@@ -364,7 +364,7 @@ class Swimmer:
             self.ripple[i] += dt * -self.ripple[i] / 0.4 + 0.11 * math.sqrt(dt) * noise
 
     def _move(self, turn: float, others: Sequence["Swimmer"], dt: float) -> None:
-        """Update speed and place after `dt` seconds, in which the axis turned by `turn` radians.
+        """Update speed and position after `dt` seconds, in which the axis turned by `turn` radians.
 
         Thrust pulses twice a beat; a bent body and open fins brake.
         """
@@ -389,7 +389,7 @@ class Swimmer:
         self.y += vy * dt
 
     def _move_fins(self, dt: float) -> None:
-        """Open or close the pectoral fins for `dt` seconds; they help to swim backwards, too."""
+        """Open or close the pectoral fins gradually during `dt` seconds."""
         self.fins_remaining_s -= dt
         if self.fins_remaining_s <= 0:
             self.fins_open = not self.fins_open
@@ -401,7 +401,7 @@ class Swimmer:
     def _limit_approach(
         self, vx: float, vy: float, others: Sequence["Swimmer"]
     ) -> tuple[float, float]:
-        """Return the velocity (vx, vy) without the part that leads into a near wall or fish.
+        """Return the velocity (vx, vy) without its component towards a near wall or fish.
 
         vx, vy: body lengths/s, y down. In 0.25 s the approach may use up the gap, so it never
         closes in a shorter step. Turns usually avoid a collision before this limit is reached.
@@ -423,7 +423,7 @@ class Swimmer:
 
 
 def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
-    """Return how far a fish reaches from its mass centre in a direction, in body lengths.
+    """Return how far a fish extends from its mass centre in a direction, in body lengths.
 
     ux, uy: unit vector, y down. In a turn it is REACH in every direction. Else it is how far the
     head, the beating tail or the pectoral fins reach, whichever is farthest.
@@ -436,7 +436,7 @@ def _reach_in_direction(fish: Swimmer, ux: float, uy: float) -> float:
 
 
 def _spare_gap(fish: Swimmer, other: Swimmer, reach: float | None = None) -> float:
-    """Return by how much the gap between two fish exceeds FISH_GAP, in body lengths; < 0: too near.
+    """Return the gap between two fish minus FISH_GAP, in body lengths; below 0 they are too near.
 
     reach: how far the first fish reaches towards the other, None = as far as in its present pose.
     """
@@ -449,7 +449,7 @@ def _spare_gap(fish: Swimmer, other: Swimmer, reach: float | None = None) -> flo
 
 
 def _closest_approach(fish: Swimmer, other: Swimmer, angle: float) -> float:
-    """Return the least distance of two mass centres within 1.6 s if the first fish turns now.
+    """Return the least distance between two fish within 1.6 s if the first turns now, body lengths.
 
     angle: of the turn, radians, + left; both then swim straight on. The unit is the body length.
     Without a turn, fish that already part count as far apart: 9.

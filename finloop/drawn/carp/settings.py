@@ -1,4 +1,4 @@
-"""Parameters of a film of drawn carp; `clip` has them all, and its own."""
+"""Parameters of a film of drawn carp."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar

@@ -1,4 +1,4 @@
-"""How the drawn carp and its tank look: outline, skin, fins, floor.
+"""Paint the drawn carp and its tank: outline, skin, fins, floor.
 
 Colours are RGB in grey levels (0-255, float32). Body coordinates: s = 0 at the snout, 1 at the end
 of the tail; v = distance from the midline in body lengths, + on the fish's left.
@@ -33,7 +33,7 @@ TAIL_BLADE = 0.86  # the caudal fin begins here
 
 @cache
 def _squared_width_curve() -> "scipy.interpolate.PchipInterpolator":
-    """Return the squared half width along the body, in body lengths², as a curve of s (0-1)."""
+    """Return a curve through the squared half width [body lengths²] along the body, s 0-1."""
     # Interpolate the square: it is linear at the tips, which makes both ends round.
     s, w = np.array(_STATIONS).T
     return scipy.interpolate.PchipInterpolator(s, w**2)
@@ -46,7 +46,7 @@ def half_width(s: Floats) -> Floats:
 
 @cache
 def width_table() -> tuple[Floats, Floats, Floats]:
-    """Return a table along the body: s, the squared half width, and its slope; (2048,) each.
+    """Return a table along the body: s, squared half width, and its slope, (2048,) each.
 
     s runs from −0.05 to 1.05 (0 snout, 1 tail end); outside the body the table is extended
     linearly. Widths are in body lengths; the slope is against s.
@@ -68,7 +68,7 @@ class FishColours:
 
 
 def _clouds(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
-    """Return a random texture of mean 0 and SD 1: the sum of noise blurred by `sizes` (px)."""
+    """Return a random cloudy texture of mean 0 and SD 1: a sum of noise blurred by `sizes` [px]."""
     total = np.zeros(shape, np.float32)
     for size in sizes:
         # A coarse grid scaled up looks like a wide blur, and is much faster.
@@ -84,13 +84,13 @@ def _clouds(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Gen
 
 
 def _tint(picture: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
-    """Return a picture with a colour laid over it, as opaque as `weight` (0-1) at each pixel."""
+    """Return a picture with a colour laid over it; weight: its opacity (0-1) at each pixel."""
     over = np.asarray(colour, np.float32)
     return np.asarray(picture + (over - picture) * weight[..., None], np.float32)
 
 
 def _ramp(x: Image, low: float, high: float) -> Image:
-    """Return a smooth ramp from 0 where x is below `low` to 1 above `high`."""
+    """Return a smooth ramp: 0 where x is below `low`, 1 above `high`."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return np.asarray(t * t * (3 - 2 * t), np.float32)
 
@@ -104,8 +104,8 @@ _COATS = (
 )
 
 
-class _BodyPlaces(NamedTuple):
-    """Where on the body the pixels (rows, columns) of a skin picture lie.
+class _BodyCoordinates(NamedTuple):
+    """The coordinates on the body of a skin picture's pixels (rows, columns).
 
     s (1, columns): from 0 (snout) to 1 (tail end); v (rows, 1): from left (+) to right, body
     lengths; r (rows, columns): v as a share of the half width, ±1 at the body's edges.
@@ -132,7 +132,7 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     s = ((np.arange(length_px) + 0.5) / length_px).astype(np.float32)[None, :]
     v = (((np.arange(rows) + 0.5) / rows * 2 - 1) * -SKIN_HALF).astype(np.float32)[:, None]
     width = np.maximum(half_width(s[0].astype(np.float64)), 0.004).astype(np.float32)[None, :]
-    places = _BodyPlaces(s, v, v / width)
+    places = _BodyCoordinates(s, v, v / width)
     skin = _paint_patches(places, coat, rng)
     skin *= _scales_light(places)[..., None]
     _shade_head(skin, places, rng)
@@ -153,8 +153,8 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     return FishColours(np.ascontiguousarray(scaled, np.float32), fin)
 
 
-def _paint_patches(places: _BodyPlaces, coat: int, rng: np.random.Generator) -> Image:
-    """Return a skin (rows, columns, 3) of back and flanks, with sharp koi-like patches.
+def _paint_patches(places: _BodyCoordinates, coat: int, rng: np.random.Generator) -> Image:
+    """Return a skin picture (rows, columns, 3) of back and flanks, with koi-like patches.
 
     The coloured patches are fewer on the head. coat: number of the colouring, as in `paint_fish`.
     """
@@ -174,8 +174,8 @@ def _paint_patches(places: _BodyPlaces, coat: int, rng: np.random.Generator) -> 
     return _tint(skin, dark, _ramp(clouds, edge - 0.09, edge + 0.09) * 0.85)
 
 
-def _scales_light(places: _BodyPlaces) -> Image:
-    """Return by which factor scales change each pixel's light: staggered arcs behind the head."""
+def _scales_light(places: _BodyCoordinates) -> Image:
+    """Return the factor by which scales change each pixel's light: staggered arcs."""
     s, v, _ = places
     size = 0.026
     scale_row = np.floor(v / (size * 0.5))
@@ -186,7 +186,7 @@ def _scales_light(places: _BodyPlaces) -> Image:
     return 1 + scale_area * (0.12 - 0.34 * scale_edges)
 
 
-def _shade_head(skin: Image, places: _BodyPlaces, rng: np.random.Generator) -> None:
+def _shade_head(skin: Image, places: _BodyCoordinates, rng: np.random.Generator) -> None:
     """Shade bony plates, gill covers, nostrils and mouth in a skin picture, in place."""
     s, v, r = places
     head = 1 - _ramp(s, 0.18, 0.25)
@@ -201,7 +201,7 @@ def _shade_head(skin: Image, places: _BodyPlaces, rng: np.random.Generator) -> N
     skin *= (1 - 0.25 * np.exp(-((s / 0.012) ** 2)) * np.ones_like(v))[..., None]
 
 
-def _shade_back(skin: Image, places: _BodyPlaces) -> None:
+def _shade_back(skin: Image, places: _BodyCoordinates) -> None:
     """Shade the folded dorsal fin and the round body in a skin picture, in place."""
     s, v, r = places
     spine = 0.0016 * np.sin(s * 40) * _ramp(s, 0.3, 0.5)
@@ -213,7 +213,7 @@ def _shade_back(skin: Image, places: _BodyPlaces) -> None:
     skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
 
 
-def _paint_eyes(skin: Image, places: _BodyPlaces) -> Image:
+def _paint_eyes(skin: Image, places: _BodyCoordinates) -> Image:
     """Return a skin picture with eyes at the sides of the head: dark, a pale rim, a glint."""
     s, v, _ = places
     for side in (-1, 1):
@@ -229,7 +229,7 @@ def _paint_fin_picture(
     rng: np.random.Generator, columns: int, back: tuple[float, ...], flank: tuple[float, ...],
     dark: tuple[float, ...],
 ) -> Image:  # fmt: skip
-    """Return a painted paired fin, spread: rays in a clear membrane, (columns, columns, 5).
+    """Return a painted fin, spread: rays in a clear membrane, (columns, columns, 5).
 
     They are premultiplied RGB, opacity and coverage; the root is at column 0. columns: px; back,
     flank, dark: RGB colours of the fish, 0-255.
@@ -278,7 +278,7 @@ def paint_floor(width_px: int, height_px: int, rng: np.random.Generator) -> Imag
 
 
 def _pebbles(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """Return the grey levels (h, w) that pebbles add: many small, few large, lit from one side."""
+    """Return the grey levels (h, w) that pebbles add to the floor, lit from one side."""
     scale = 3  # subpixels per px, for smooth edges
     layer = np.zeros((height_px * scale, width_px * scale), np.float32)
     for _ in range(width_px * height_px // 170):  # one for 170 px²

@@ -1,4 +1,4 @@
-"""Pictures of the drawn dog, and the regions of its limbs in them.
+"""Draw the walking dog, and find its limbs in the drawn pictures.
 
 Flat colours on a meadow that passes by. The near limbs are paler than everything else, so that
 `limb_masks` can segment them by their colour; the far limbs are partly hidden.
@@ -19,7 +19,7 @@ from finloop.drawn.dog.walk import (
     frame_phases,
     limb_contours_at,
     part_contour,
-    spot_place,
+    spot_position,
 )
 
 POINTS = 256
@@ -53,7 +53,7 @@ def dog_frames(dog: DogFilm) -> Iterator[Picture]:
 
 
 def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Picture:
-    """Return a frame without noise: the meadow, then the dog's shadow and its parts, far to near.
+    """Return a frame without noise: the meadow, the dog's shadow, and its parts, far to near.
 
     tufts (k, 3), hills (m, 2): as in `_paint_landscape`.
     """
@@ -68,7 +68,7 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     _fill_polygon(picture, origin + circle * [half_width, half_height], SHADE)
 
     def fill_limb(name: str, colour: tuple[int, int, int]) -> None:
-        """Paint a limb of the dog into the picture."""
+        """Paint one limb of the dog into the picture."""
         contour = limb_contours_at(dog, name, np.array(phase), POINTS)
         _fill_polygon(picture, origin + contour, colour)
 
@@ -84,7 +84,7 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     fill_limb("hind_right", NEAR)
     fill_limb("fore_right", NEAR)
     for place, radius in ((EYE, 0.020), (NOSE, 0.030)):
-        centre = origin + spot_place(dog, phase, place)
+        centre = origin + spot_position(dog, phase, place)
         _fill_polygon(picture, centre + radius * dog.trunk_px * circle, INK)
     return picture
 
@@ -92,7 +92,7 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
 def _paint_landscape(
     picture: Picture, horizon: int, camera_px: float, tufts: Floats, hills: Floats
 ) -> None:
-    """Paint the sky, the hills and the meadow with its tufts of grass over a whole picture.
+    """Paint sky, hills and meadow over a whole picture, in place.
 
     horizon: its row; camera_px: how far the camera has moved to the right; tufts (k, 3): x px, y as
     a share of the meadow's depth, size px; hills (m, 2): x and height, px.
@@ -111,7 +111,7 @@ def _paint_landscape(
 
 
 def _fill_polygon(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
-    """Fill a polygon (n, 2) px of a picture; corners are rounded to 1 / 2^SUBPIXEL px."""
+    """Fill a polygon (n, 2) px in a picture, in place, with subpixel corners."""
     nodes = np.rint(points * (1 << SUBPIXEL)).astype(np.int32)
     cv2.fillPoly(picture, [nodes], colour, cv2.LINE_AA, SUBPIXEL)
 

@@ -1,4 +1,4 @@
-"""The parts of the drawn dog, standing, and how its limbs bend: outlines, joints, skin.
+"""The parts of the standing dog, and how its limbs bend: outlines, joints, skin.
 
 Unit: the trunk, from hip to shoulder joint, is 1 long. x is forward (screen right), y down, 0 at
 the ground below the middle of the trunk. Outlines run clockwise as seen.
@@ -24,7 +24,7 @@ BLUNT = 0.02  # added to that distance, so that a point on a bone follows the ot
 
 @dataclass(frozen=True)
 class LimbShape:
-    """One limb of the drawn dog at rest: joints, outline, how it bends; unit: trunk length."""
+    """One limb of the drawn dog at rest: joints, outline, and how it bends, in trunk lengths."""
 
     # (5, 2): hip or shoulder, knee or elbow, hock or wrist, foot, tip of the toes
     joints: tuple[tuple[float, float], ...]
@@ -116,7 +116,7 @@ def _skin_and_bone_weights(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
 
 
 def limb_outlines(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
-    """Return outlines (…, n, 2) of a limb whose foot and top are moved from rest.
+    """Return outlines (…, n, 2) of a limb whose foot and top are displaced from rest.
 
     foot, top (…, 2): how far both are moved; y is down, the unit the trunk length. NaN if the limb
     does not reach so far. The outline is a smooth function of `foot` and `top` alone.

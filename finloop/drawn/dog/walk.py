@@ -1,4 +1,4 @@
-"""A drawn dog that walks to the right, with the truth about every limb of every frame.
+"""Compute the drawn dog's walk to the right: every limb's true contour in every frame.
 
 It walks as in the curve paper's §4.2, Fig. 9, diagonal limbs together. A foot is on the ground for
 half a cycle, in which it moves straight back under the body at a constant speed. Then it swings
@@ -34,7 +34,7 @@ ROUND = 1.5  # power in the height of a swinging foot: 1 = a corner on top, 2 = 
 
 @dataclass(frozen=True)
 class DogFilm:
-    """A film of the drawn dog; lengths are in trunks (hip to shoulder) unless named in px.
+    """Parameters of the drawn dog's film; lengths are in trunks (hip to shoulder), else in px.
 
     The default stride, lift and bob are within the limbs' reach.
     """
@@ -59,17 +59,17 @@ class DogFilm:
 
     @property
     def frequency_hz(self) -> float:
-        """Gait cycles per second."""
+        """Return the number of gait cycles per second."""
         return self.cycles * self.frame_rate_hz / self.frames
 
     @property
     def body_length_px(self) -> float:
-        """Length from the rump to the tip of the nose of the standing dog, px."""
+        """Return the standing dog's length from rump to nose, px."""
         return 1.82 * self.trunk_px
 
 
 def frame_phases(dog: DogFilm) -> Floats:
-    """Return the phase of each frame, (frames,) in cycles: from 0 to below `cycles`."""
+    """Return the gait phase of each frame, (frames,), in cycles from 0."""
     return np.arange(dog.frames) * dog.cycles / dog.frames
 
 
@@ -91,7 +91,7 @@ def is_swinging(name: str, phase: Floats) -> Mask:
 
 
 def half_cycle_progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return which share (0-1) of a limb's swing, or of its time on the ground, is over at phases.
+    """Return the share (0-1) of a limb's swing, or of its stance, that is over at given phases.
 
     name: one of NAMES; phase: in cycles, an array of any shape. γ makes the progress uneven.
     """
@@ -134,7 +134,7 @@ def limb_contours_at(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
 def part_contour(
     dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int
 ) -> Floats:
-    """Return the contour (n, 2) px of BODY, HEAD, EAR or TAIL (`nodes`) relative to the body.
+    """Return the contour (n, 2) px of BODY, HEAD, EAR or TAIL (`nodes`), relative to the body.
 
     phase: of the gait, in cycles; n: points of the contour.
     """
@@ -142,14 +142,14 @@ def part_contour(
     return dog.trunk_px * (points + body_displacements(dog, np.array(phase)))
 
 
-def spot_place(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
-    """Return where EYE or NOSE (`place`) is at a phase, relative to the body, (2,) px."""
+def spot_position(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
+    """Return the position (2,) px of EYE or NOSE (`place`) at a phase, relative to the body."""
     turned = _rotate_part(HEAD, np.array(place), phase)
     return dog.trunk_px * (turned + body_displacements(dog, np.array(phase)))
 
 
 def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
-    """Return points (n, 2) of a part of the dog, in trunks, turned as the part is at a phase.
+    """Return points (n, 2) of a part of the dog, in trunks, turned as at a phase of the gait.
 
     nodes: the part. HEAD and EAR turn about the neck, TAIL about its root, BODY stays; phase: of
     the gait, in cycles. Angles are radians, chosen by eye: the head nods twice a cycle, the tail
@@ -170,7 +170,7 @@ def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: 
 
 
 def body_origins_px(dog: DogFilm) -> Floats:
-    """Return where the origin of the body frame is in the picture, (frames, 2) px."""
+    """Return the position (frames, 2) px of the body frame's origin in each picture."""
     # The camera follows only a share of the dog's motion, `pan`; the rest is seen in the picture.
     travel = 2 * dog.stride * dog.trunk_px * frame_phases(dog) * (1 - dog.pan)
     middle = 0.47 * dog.width_px - travel[-1] / 2
