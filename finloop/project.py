@@ -57,7 +57,7 @@ class EditSources(NamedTuple):
 
 
 class Project:
-    """The outputs of a run's stages; each file is loaded once, when it is first used.
+    """The results of a run's stages; each file is loaded once, at its first use.
 
     root: the working copy, with params.yaml and data/. n is the number of rows: one per fish and
     frame of the film. As a context manager it closes the stores that it has opened. Pickled, it is

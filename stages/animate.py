@@ -42,7 +42,7 @@ def _load_mode_numbers(mode: str) -> dict[str, float]:
 def _measure_film(
     project: Project, statistics: MotionStatistics, motion: tuple[Floats, Floats]
 ) -> dict[str, float]:
-    """Measure the film like the animations of the modes; return the numbers by name.
+    """Return the same measures of the film as of the modes' animations, by name.
 
     statistics: how the film's fish swim. motion: speed and turn rate of the film's rows. The number
     `drawn_size` is the smallest scale at which a mode draws its fish, 1 = as filmed.
@@ -61,7 +61,7 @@ def _measure_film(
 
 
 def compare_schools(project: Project) -> pd.DataFrame:
-    """Compare how the fish of mode `matching` and of the film keep together; return a table.
+    """Return a table that compares how fish keep together in mode `matching` and in the film.
 
     It has a row per group, film and measure, and the columns shoal (the group), beside (the film),
     measure, median (of the group) and distance (Wasserstein's, of group and film). The film's first

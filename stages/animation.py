@@ -128,14 +128,14 @@ def _save_animation(
 
 
 def _finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
-    """Return the numbers that are finite; NaN and infinity stand for what was not measured."""
+    """Return only those numbers that are finite."""
     return {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
 
 
 def measure_pictures(
     edit: pd.DataFrame, animator: Animator, steps: pd.DataFrame, rate_hz: float
 ) -> dict[str, float]:
-    """Return those measures of one fish's animation that depend on its pictures, by name.
+    """Return measures of one fish's animation for which its pictures are compared, by name.
 
     edit: the fish's edit list. steps: distances between the film's successive pictures, columns
     headed (turned head right) and as_filmed.
@@ -152,8 +152,8 @@ def measure_pictures(
     }
 
 
-def _measure_seeds(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Plan an animation to random goals for each seed; return the measures of each.
+def _measure_each_seed(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, float]]:
+    """Plan one animation to random goals for each seed; return the measures of each.
 
     They are planned without cross-fades. Their pictures are not measured, as that takes long.
     """
@@ -185,7 +185,7 @@ def _measure_trials(open_mode: OpenMode, mode: str, trials: int, pool: Workers) 
     lots = [range(trials)[first : first + lot_size] for first in range(0, trials, lot_size)]
     trial_measures: list[dict[str, float]] = []
     with report_progress(f"modes-{mode}", trials, "trials") as advance:
-        for lot_measures in ordered_map(partial(_measure_seeds, open_mode), lots, pool):
+        for lot_measures in ordered_map(partial(_measure_each_seed, open_mode), lots, pool):
             trial_measures += lot_measures
             advance(len(lot_measures))
     means = pd.DataFrame(trial_measures).mean().add_prefix("trials_")

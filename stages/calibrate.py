@@ -41,7 +41,7 @@ def rows_of_first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
 
 
 def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
-    """Simulate the film's fish as points, once with its zones and once without zones.
+    """Return measures of simulated groups of fish, with the zones and without zones.
 
     Return a table of each group's measures, columns of `SCHOOL`, by the names "zones" and "alone".
     """
@@ -54,7 +54,7 @@ def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, 
 
 
 def _save_rule(folder: Path, rule: SchoolRule) -> None:
-    """Write how a film's fish swim in a group to zones.json and steps.parquet in `folder`.
+    """Write the rule of a film's fish groups to zones.json and steps.parquet in `folder`.
 
     `Project.school_rule` loads it. rule: the zones, in which fish repel, align with and attract
     each other; and the fish's own steps, which last `horizon` frames each. A step is drawn from

@@ -111,7 +111,7 @@ def _write_clip(
 
 
 def _film_findings(metrics: dict[str, float]) -> dict[str, list[Finding]]:
-    """Return the findings on each film, by its name, which is "" for a single film.
+    """Return the findings on each film, by its name.
 
     metrics: those of the stage, by name. With several films, a film's begin with its name.
     """
@@ -137,7 +137,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
     named_films = list(zip(unique_film_names(p.film for p in films), films, strict=True))
 
     def no_progress(*_: object) -> AbstractContextManager[Callable[[], None]]:
-        """Return a context that yields a function which reports nothing: films are counted."""
+        """Return a context with a function that reports no progress, as films are counted."""
         return nullcontext(lambda: None)
 
     with report_progress("clip", len(films), "films") as advance:
@@ -166,7 +166,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
 
 
 def _fact_metrics(facts: VideoFacts) -> dict[str, float]:
-    """Return the facts of a clip that are metrics: size, rate, duration, lost frames, segments."""
+    """Return the metrics that are facts of a clip: size, rate, duration, lost frames, segments."""
     return {name: getattr(facts, name) for name in FACTS} | {
         "duration_s": facts.frames / facts.frame_rate_hz,
         "segments": len(facts.segments),

@@ -44,7 +44,7 @@ def stage_module(stage: str) -> str:
 
 
 def file_lists() -> dict[str, str]:
-    """Return the text of each data/code/<stage>.txt, by file name."""
+    """Return the content of each file data/code/<stage>.txt, by file name."""
     return {f"{stage}.txt": file_list_text(stage) for stage in read_stages()}
 
 
@@ -73,7 +73,7 @@ def hash_file(file: str) -> str:
 
 @cache
 def _package_data(package: Path) -> set[str]:
-    """Return a package's files that are not Python, also those in subfolders without modules.
+    """Return the files of a package that are not Python.
 
     package: its folder. All paths are relative to the root.
     """
@@ -102,7 +102,7 @@ def module_files(name: str) -> set[str]:
 
 @cache
 def imported_files(file: str) -> set[str]:
-    """Return the program's files that a file imports anywhere, names in a string, or reads.
+    """Return the program's files that a file needs: imported, named in a string, or read.
 
     finloop/__init__.py imports lazily: it counts as importing nothing. Each member of `Project`
     imports what it needs inside itself. So a stage depends on the members that it uses, of an
@@ -120,7 +120,7 @@ def imported_files(file: str) -> set[str]:
 
 
 def _files_of_members(names: set[str]) -> set[str]:
-    """Return the program's files that members of `Project`, and the members that they use, import.
+    """Return the program's files that given members of the class `Project` need.
 
     names: of the members; other names are ignored.
     """
@@ -135,7 +135,7 @@ def _files_of_members(names: set[str]) -> set[str]:
 
 
 def files_of_imports(nodes: list[Any]) -> set[str]:
-    """Return the program's files that syntax nodes (of `ast`) import, or name in a string."""
+    """Return the program's files that syntax nodes (`ast`) import or name in a string."""
     names = set[str]()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -148,7 +148,7 @@ def files_of_imports(nodes: list[Any]) -> set[str]:
 
 
 def _files_of_name(name: str) -> set[str]:
-    """Return the files behind a dotted name: of a module, a package, or an object of either.
+    """Return the program's files behind a dotted name: a module, a package, or an object.
 
     A package that imports lazily stands for all its modules that offer objects, and an object of
     such a package for its module. Any other object stands for the module before its last dot.
@@ -163,7 +163,7 @@ def _files_of_name(name: str) -> set[str]:
 
 @cache
 def _lazy_objects(package: str) -> dict[str, str]:
-    """Return the objects that a package offers by `lazy_loader.attach`, name → its module there.
+    """Return the objects that a package imports lazily: name → its module.
 
     The result is {} for a package that does not import lazily, and for a module.
     """
@@ -197,7 +197,7 @@ def _members_of(tree: ast.AST, owner: str) -> set[str]:
     """
 
     def object_name(node: ast.AST) -> str:
-        """Return the last name of an expression, or that of the called class in lower case."""
+        """Return the last name of an expression; of a call, the class's name in lower case."""
         if isinstance(node, ast.Call):
             return object_name(node.func).lower()
         return getattr(node, "id", getattr(node, "attr", ""))

@@ -44,7 +44,7 @@ def _load_parameters(commit: str) -> dict[str, Any]:
 
 
 def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, float]]:
-    """Return the numbers of some stages in some commits: commit → {`stage.number`: value}.
+    """Return some stages' numbers in each of several commits: commit → {`stage.number`: value}.
 
     Numbers that are neither in git nor in DVC's cache are left out.
     """
@@ -64,7 +64,7 @@ def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, f
 
 
 def _read_cached(commit: str, path: str) -> str:
-    """Return the text of a file of a commit that DVC's cache has; "" if it has none."""
+    """Return a file's text in a commit, from DVC's cache; "" if it is not there."""
     from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
 
     try:

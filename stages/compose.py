@@ -58,7 +58,7 @@ def write_params(overrides: list[str]) -> None:
 
 
 def quoting_error(overrides: list[str]) -> FinloopError | None:
-    """Return an error that shows how to quote overrides with spaces; None if none needs it.
+    """Return an error that shows how to quote overrides; None if each is one `key=value`.
 
     overrides: as the shell has split them. FinloopError as in `_is_override`.
     """
@@ -78,7 +78,7 @@ def quoting_error(overrides: list[str]) -> FinloopError | None:
 
 
 def _guess_overrides(words: list[str]) -> list[str]:
-    """Return the overrides that were meant, from words that the shell has split at spaces.
+    """Return the overrides that a user probably meant, from words that the shell split at spaces.
 
     So ["clip.path", "=", "my", "film.mp4"] gives ["clip.path=my film.mp4"].
     """
@@ -178,7 +178,7 @@ def load_experiment(name: str) -> Experiment:
 
 
 def _as_user_error(error: Exception, overrides: list[str]) -> FinloopError:
-    """Return the FinloopError that explains an error of composing.
+    """Return an error of composing as a FinloopError that says what to do.
 
     overrides: those that were composed.
     """
@@ -235,7 +235,7 @@ def _no_option_error(word: str, option: str, overrides: list[str]) -> FinloopErr
 
 
 def require_composed_params(overrides: list[str]) -> None:
-    """Raise FinloopError if params.yaml is not what conf/ composes to with these overrides.
+    """Raise FinloopError if params.yaml is not the composition of conf/ with these overrides.
 
     If it was composed with a conf/local/ that is missing here, only the ranges of its values count.
     """

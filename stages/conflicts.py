@@ -16,7 +16,7 @@ Groups = Mapping[str, Mapping[str, Any]]
 
 
 def find_conflicts(values: Groups) -> list[str]:
-    """Return a sentence for each conflict between parameters, or between one and the named files.
+    """Return a sentence for each conflict of a parameter with another one or with a file.
 
     values: content of params.yaml, group → name → value, in which each value alone is right. A
     sentence begins with the parameter's name.
@@ -50,7 +50,7 @@ def _film_conflicts(values: Groups) -> Iterator[str]:
 
 
 def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> Iterator[str]:
-    """Yield a sentence if a film is missing, too short, without a rate, or ends before `start_s`.
+    """Yield a sentence for each reason why a film cannot be used.
 
     Nothing is decoded. clip: the parameters of this film; the part from `start_s` to `end_s` is
     used. shortest: least number of its frames.
@@ -84,7 +84,7 @@ def _film_file_conflicts(film: Path, clip: Mapping[str, Any], shortest: int) -> 
 
 
 def _too_short_text(what: str, frames: int, shortest: int) -> str:
-    """Return the sentence that a film is too short for tracks.
+    """Return the sentence that a film is too short for any track.
 
     what: the parameter that names the film, with which the sentence begins. frames: number of the
     film's frames. shortest: least number of frames of a track.
@@ -126,7 +126,7 @@ def _missing_files(values: Groups) -> Iterator[str]:
 
 
 def _fish_conflicts(matching: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence if there are fewer fish than paths, or a pair that cannot follow its leader.
+    """Yield a sentence if there are more paths than fish, or a pair [follower, leader] is wrong.
 
     matching: the parameters of mode `matching`.
     """
@@ -143,14 +143,14 @@ def _fish_conflicts(matching: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _mode_conflicts(values: Groups) -> Iterator[str]:
-    """Yield a sentence for each stage that is to show a retargeted track though none is named."""
+    """Yield a sentence for each stage that shows a retargeted track, if no track is named."""
     for stage in ("render", "tank", "export"):
         if values[stage]["mode"] == "retarget" and values["retarget"]["tracks"] is None:
             yield f"{stage}.mode: retarget shows retarget.tracks, which names none"
 
 
 def _goal_conflicts(animate: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each goal that is no pair [x, y] or not in the tank, or if none is set.
+    """Yield a sentence for each goal that is wrong or outside the tank, and if there is none.
 
     animate: the parameters that all modes share.
     """

@@ -33,7 +33,7 @@ SEEDED = {
 
 @dataclass(frozen=True)
 class Experiment:
-    """A sweep, as `hydra.sweeper` in conf/experiment/<name>.yaml declares it."""
+    """A sweep, as a file conf/experiment/<name>.yaml declares it."""
 
     # title, why: text. On the page that compares the runs
     title: str
@@ -136,7 +136,7 @@ class Experiment:
 
 
 def _parse_override(values: str) -> Any:
-    """Return Hydra's override of a parameter to a text such as "0.1, 0.2" or "interval(1, 2)"."""
+    """Return Hydra's override, parsed from values such as "0.1, 0.2" or "interval(1, 2)"."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     return OverridesParser.create().parse_override(f"swept={values}")
@@ -152,7 +152,7 @@ def parse_interval(values: str) -> Any:
 
 
 def parse_values(values: str) -> Iterator[str]:
-    """Yield each value, as text, in a text such as "0.1, 0.2" or "range(1, 4)"."""
+    """Yield the values, as texts, in a text such as "0.1, 0.2" or "range(1, 4)"."""
     override = _parse_override(values)
     if override.is_sweep_override():
         yield from override.sweep_string_iterator()

@@ -89,7 +89,7 @@ def _write_film(
     path: Path, pictures: Iterable[Picture], crop: Box, webp_ticks: int, p: ExportSettings,
     rate: Fraction, advance: Callable[[], None],
 ) -> dict[str, int]:  # fmt: skip
-    """Write pictures as a WebM, and the first `webp_ticks` of them as a WebP; return their facts.
+    """Write pictures as a WebM, and the first ones also as a WebP; return their number and size.
 
     path: of both files, without suffix. There is no WebP if `webp_ticks` is 0. crop: the part of
     the tank that the pictures show. rate: frames per second. The facts are number and size.
@@ -109,7 +109,7 @@ def _write_film(
 def _save_page(
     folder: Path, p: ExportSettings, project: Project, drawn: EditSources, ticks: int
 ) -> None:
-    """Write stimulus.html to `folder`, a page that plays the first `ticks` without a server.
+    """Write a page to `folder`, stimulus.html, that plays the first `ticks` without a server.
 
     drawn: the edit list with its tables and the fish's bodies.
     """

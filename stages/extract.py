@@ -75,7 +75,7 @@ def main() -> None:
 
 
 def _film_findings(numbers: dict[str, float], names: list[str]) -> dict[str, Iterator[Finding]]:
-    """Return what is doubtful in the films, name → findings.
+    """Return the findings on each film, by its name.
 
     numbers: metrics of the stage; those of one of several films begin with its name and a "_".
     names: of the films that are used; "" for a single film.
@@ -119,7 +119,7 @@ def _extract_film(
     except NoTrackError:
         pieces.remove()  # a new run would find nothing, too
         raise
-    for note in describe_given_places(extraction.given):
+    for note in describe_used_positions(extraction.given):
         print(f"finloop: note: {note}", file=sys.stderr)
     if extraction.lost:
         print(
@@ -130,7 +130,7 @@ def _extract_film(
     return {"frames": facts.frames, **_extraction_metrics(extraction)}
 
 
-def describe_given_places(numbers: Mapping[str, float]) -> Iterator[str]:
+def describe_used_positions(numbers: Mapping[str, float]) -> Iterator[str]:
     """Yield sentences on how many positions of another program's tracks are used, and why not more.
 
     numbers: counts of its places and animals, as in `Extraction.given`; empty without such a file.
@@ -214,7 +214,7 @@ def _leave_out_on_error(part: JoinedFilm, errors: dict[str, str]) -> Iterator[No
 
 
 def _film_row(contribution: FilmContribution) -> dict[str, Any]:
-    """Return one film's row of films.csv: its rows, its tracks, and factors for length and light.
+    """Return one film's row of films.csv: numbers of rows and tracks, factors of length and light.
 
     Multiplied by them, its fish are as long and as bright as those of the first film.
     """

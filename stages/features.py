@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def _report_assumptions(settings: FeaturesSettings, cues: HeadCues, current_bl_s: float) -> None:
-    """Print a note if the thin end is taken for the head, or a current of the water is assumed.
+    """Print a note if the head is taken to be the thin end, or a current is assumed.
 
     Nothing is said of what the user has set. cues: by what the head is found.
     """

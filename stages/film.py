@@ -27,7 +27,7 @@ COMMAND = "make film FILM"
 
 
 def parse_film_paths(text: str, command: str = COMMAND) -> list[str]:
-    """Return the paths in the text of a variable such as FILM, made absolute.
+    """Return the absolute paths in the text of a variable such as FILM.
 
     Paths are separated by spaces, unless the whole text is one path. command: what the user types
     before the `=`, such as `make film FILM`. FinloopError if a file is missing, or none is named.
@@ -57,7 +57,7 @@ def parse_film_paths(text: str, command: str = COMMAND) -> list[str]:
 
 
 def local_conf_text(films: list[str]) -> str:
-    """Return the text of a conf/local/default.yaml that names these films."""
+    """Return the content of a file conf/local/default.yaml that names these films."""
     # In OmegaConf's notation, in which `${` would begin the name of another value.
     paths = [json.dumps(film.replace("${", "\\${"), ensure_ascii=False) for film in films]
     value = paths[0] if len(paths) == 1 else "[" + ", ".join(paths) + "]"
@@ -72,7 +72,7 @@ clip:
 
 
 def name_films(films: list[str], local: Path) -> str:
-    """Write the films into the file `local`, conf/local/default.yaml; return a sentence on it.
+    """Write the films' paths into conf/local/default.yaml; return a sentence on what was done.
 
     A file that names these films already stays unchanged. Other content is replaced; it is saved as
     a backup unless this function wrote it.
@@ -92,7 +92,7 @@ def name_films(films: list[str], local: Path) -> str:
 
 
 def _films_in_local_conf(text: str) -> list[str]:
-    """Return the films that the text of a conf/local/default.yaml names; [] if it names none."""
+    """Return the films that a conf/local/default.yaml names, from its content."""
     try:
         path = yaml.safe_load(text)["clip"]["path"]
     except (yaml.YAMLError, KeyError, TypeError):

@@ -54,7 +54,7 @@ def read_tiny_film(path: Path) -> list[str]:
 
 
 def compare_numbers(kept: Mapping[str, float], now: Mapping[str, float]) -> list[str]:
-    """Return rows of a Markdown table of the numbers that differ from earlier ones.
+    """Return a Markdown table's rows: the numbers of a run that differ from kept ones.
 
     kept, now: numbers by name, of an earlier run and of this one. A number that is missing now
     differs; new ones are not compared.

@@ -30,8 +30,8 @@ FREE_TICKS = 20_000  # most ticks of the fish that only the forecast moves
 CURVE = ["epoch", "train_error", "held_out_error"]
 
 
-def _load_visible(project: Project) -> VisibleDistance:
-    """Return the measure of how unlike two rows of the film look, in pictures and poses.
+def _load_visible_distance(project: Project) -> VisibleDistance:
+    """Return the object that measures how different two rows of the film look.
 
     Its pictures are memory-mapped from the stage `jumps`.
     """
@@ -42,7 +42,7 @@ def _load_visible(project: Project) -> VisibleDistance:
 
 
 def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return RMS errors of the motion area that is predicted Δ ahead for held-out rows, by name.
+    """Return by name the RMS errors in predicting the motion area Δ later, on held-out rows.
 
     Key area_rmse: error of the model; persistence_area_rmse: error of the prediction that nothing
     changes. Both are shares of the film's largest motion area. Δ is the time over which motion is
@@ -69,7 +69,7 @@ def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[st
 def _measure_forecast(
     film: FilmStates, sampler: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
-    """Return measures of the forecast: on held-out rows, and in a fish that it moves alone.
+    """Return measures of the forecast by name: on held-out rows, and in a freely predicted fish.
 
     sampler: draws predictions. parts: which rows are held out. The tables held_out.parquet and
     free.parquet are written to `folder`. Return numbers by name.
@@ -108,7 +108,7 @@ def main() -> None:
                 ThreadPoolExecutor(1) as executor,
                 report_progress("forecast", p.epochs, "epochs") as advance,
             ):
-                visible = _load_visible(project)
+                visible = _load_visible_distance(project)
                 graph_job = executor.submit(
                     build_similarity_graph, film, project.row_looks, visible, p
                 )

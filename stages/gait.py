@@ -66,7 +66,7 @@ class CyclePictures(NamedTuple):
 
 
 class GaitFit(NamedTuple):
-    """A fitted gait, the contours and key frames that it was fitted to, and its held-out errors."""
+    """A fitted gait, with the contours it was fitted to, its key frames and held-out errors."""
 
     film: GaitContours
     gait: Gait
@@ -146,7 +146,7 @@ def fit_tracks(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
 
 
 def _dog_film(p: GaitSettings) -> DogFilm:
-    """Return the description of the drawn, walking dog's film that the parameters give."""
+    """Return the parameters of the drawn dog's film."""
     scale = p.dog_width_px / DogFilm.width_px
     return DogFilm(
         frames=p.dog_frames, frame_rate_hz=p.dog_rate_hz, cycles=p.dog_cycles,
@@ -171,7 +171,7 @@ def _draw_dog_film(walk: DogFilm, folder: Path) -> CyclePictures:
 
 
 def _fill_in_reference_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> None:
-    """Fill in, in place, the true γ of the drawn dog's limbs in a table of fitted γ.
+    """Write what γ of the drawn dog's limbs should be into a table of fitted γ, in place.
 
     table: from `_gamma_table`, a row per contour and subcycle. true: γ of the motion with which the
     dog is drawn. exact: γ fitted to its contours, which are known without a film. clock: γ of the

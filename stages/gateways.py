@@ -31,7 +31,7 @@ WORDS = {IN: "into", OUT: "out of"}  # a gateway leads from sprites into the fil
 def _report_missing(
     found: pd.DataFrame, nearest: pd.DataFrame, step: float, least_deltas: float
 ) -> None:
-    """Print, for each direction without gateways, the threshold that would give one.
+    """Print which direction has no gateway, and the threshold that would give one.
 
     A gateway is a pair of a frame and a sprite that look alike. found: the gateways. nearest: the
     nearest pairs, however unlike. step: the natural step, distance between successive pictures.

@@ -39,7 +39,7 @@ def main() -> None:
         else:
             film = collect_evidence(project.film_reel, project.tracks(USED), cuts, p)
             table = identify_animals(film)
-            trial = _try_joins(film, table)
+            trial = _test_joins(film, table)
     save_table(OUT / "identities.parquet", table, IDENTITIES)
     save_metrics(REPORT / "metrics.json", _identity_metrics(features, table) | trial)
 
@@ -64,8 +64,8 @@ def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, 
     }
 
 
-def _try_joins(film: IdentityEvidence, table: pd.DataFrame) -> dict[str, float]:
-    """Cut tracks artificially; return by name which percentages are joined right and wrong.
+def _test_joins(film: IdentityEvidence, table: pd.DataFrame) -> dict[str, float]:
+    """Cut tracks artificially; return the percentages that are joined right and wrong, by name.
 
     The joins' own probabilities are returned, too. film: what joins are judged by. table: a row per
     track, columns of `IDENTITIES`.

@@ -46,7 +46,7 @@ class StoredFilm:
 
     @cached_property
     def _pictures(self) -> Pictures:
-        """Open the file of pictures and return it as an array, mapped from the disk."""
+        """Return the rows' pictures as an array that is mapped from the file."""
         shape = picture_array_shape(self.project.film_reel, self.size)
         return open_array(self.path, shape, "uint8")
 

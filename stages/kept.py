@@ -23,7 +23,7 @@ MOST = 100  # files that are kept, those that were used last
 
 @dataclass(frozen=True)
 class KeptResults:
-    """Results that earlier runs of a stage have left, each under a name such as a mode.
+    """Results that earlier runs of a stage have kept, each under a name such as a mode.
 
     folder: where they are; None keeps nothing and has nothing. made_from: digest of what all
     results are made from. own: name → what only that result is made from, too.
@@ -49,7 +49,7 @@ class KeptResults:
         return result
 
     def save(self, name: str, kind: str, write: Callable[[Path], Any]) -> None:
-        """Write a result with `write` to keep it; remove all but the MOST recently used files.
+        """Keep a result: write it with `write`, and remove all but the MOST recently used files.
 
         kind: the ending of the file, "parquet" or "json".
         """
@@ -63,14 +63,14 @@ class KeptResults:
             path.unlink(missing_ok=True)
 
     def _path(self, name: str, kind: str) -> Path:
-        """Return the path of a result's file, named by a digest of what the result is made from."""
+        """Return the path of a result's file, named by a digest of all it is made from."""
         assert self.folder is not None
         key = {"all": self.made_from, "name": name, "own": self.own.get(name)}
         return self.folder / f"{key_digest(key)}.{kind}"
 
 
 def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptResults:
-    """Return the kept results of a stage whose inputs, parameters and program are the present ones.
+    """Return the kept results of a stage that are made from its present inputs.
 
     inputs: files and folders that every result is made from, beside the stage's parameters and
     program. own: name → what only that result is made from. Parameters and program are known from

@@ -126,7 +126,7 @@ def _draw_released_hoop(p: MorphSettings) -> dict[str, float]:
 
 
 def _remaining_shares(motion: Trajectory) -> Floats:
-    """Return a curve's RMS displacement (t,) at every time, divided by that at first."""
+    """Return a curve's RMS displacement (t,) at each time, as a share of that at the start."""
     rms = np.sqrt((motion.displacement**2).sum(axis=-1).mean(axis=-1))
     return rms / rms[0]
 
@@ -148,7 +148,7 @@ def _solver_errors(hoop: Problem, massless: Problem) -> dict[str, float]:
 
 
 def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
-    """Return the problem of a bent hoop that is let go, with and without mass.
+    """Return two problems of a bent hoop that is let go: with mass, and without.
 
     It begins with the outline drawn in `p.hoop`; at rest it is a circle of the same area.
     """
@@ -187,7 +187,7 @@ def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
 
 
 def _morphs_at_levels(p: MorphSettings, drawings: tuple[Drawing, Drawing]) -> dict[str, Morph]:
-    """Return the linear morph at the coarse levels of Fig. 4, by the names of its rows."""
+    """Return the linear morphs at the coarse levels of Fig. 4, by name of the row."""
     return {
         f"linear, {count} control points": morph_drawings(
             *drawings, "linear", p.frames, p.contour_points,

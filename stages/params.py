@@ -26,7 +26,7 @@ OUT, CODE = Path("data/params"), Path("data/code")
 
 
 def choose_parameters(values: Mapping[str, Any], names: Iterable[str]) -> dict[str, Any]:
-    """Return the named parameters, name → value.
+    """Return those parameters of params.yaml that are named, name → value.
 
     values: content of params.yaml. names: groups ("bpn") or single parameters ("realism.seconds").
     FinloopError if there is no such parameter.

@@ -35,7 +35,7 @@ PICTURES = 2048  # kept in memory, because the film repeats
 
 
 def open_modes(project: Project) -> dict[str, Animator]:
-    """Open the animator of every mode for which the film shows enough, by mode.
+    """Return the animators of all modes for which the film shows enough, by mode.
 
     For each other mode, a note on stderr says what the film lacks. NothingToUse if no mode is left.
     """
@@ -56,7 +56,7 @@ def open_modes(project: Project) -> dict[str, Animator]:
 
 @contextmanager
 def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView]:
-    """Yield the live tank, opened from the stages' results, with all that draws it.
+    """Yield the opened live tank with all that draws it.
 
     mode: of the first fish. fish_count: None = as many as `matching.fish`, or one in a mode of the
     paper; fewer if the tank has no room. seed: of the random choices.
@@ -75,7 +75,7 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
         gallery = Gallery(cutout_sets, project.bodies, PICTURES)
 
         def is_ghost(row: Any) -> bool:
-            """Return whether the two pictures of a cross-fade are so unlike that it looks double.
+            """Return whether a cross-fade would show a double image.
 
             row: of an edit list.
             """

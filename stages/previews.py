@@ -38,7 +38,7 @@ Digests = tuple[tuple[str, str], ...]  # path, digest of its content in DVC's ca
 
 
 def choose_mode(measures: Sequence[str]) -> str:
-    """Return the mode that most measures `<stage>.<mode>_…` name; hybrid if they name none."""
+    """Return the mode that is named in most measures; hybrid if none is."""
     counts = {
         mode: sum(name.partition(".")[2].startswith(f"{mode}_") for name in measures)
         for mode in MODES
@@ -70,7 +70,7 @@ def draw_previews(commits: Mapping[str, str], mode: str) -> dict[str, Preview]:
 
 
 def _list_digests(commit: str, mode: str) -> Digests:
-    """Return path and digest of all results that drawing a mode's animation needs.
+    """Return path and digest of each result that drawing a mode's animation needs.
 
     commit: of the experiment that has the dvc.lock. The result is () if a stage has not run.
     """
@@ -91,7 +91,7 @@ def _list_digests(commit: str, mode: str) -> Digests:
 
 
 def _draw_from_cache(digests: Digests, cache: Path, mode: str) -> Preview | None:
-    """Return the preview of an animation; None if the cache lacks a file, or it cannot be drawn.
+    """Return the preview of an animation, drawn from DVC's cache; None if that is impossible.
 
     digests: of all that drawing needs. cache: folder of DVC's cache. mode: of the animation.
     """
@@ -157,7 +157,7 @@ def _encode_small(figure: Figure) -> bytes:
 def _crop_to_route(
     edit: pd.DataFrame, margin_px: float, shape: tuple[int, ...]
 ) -> tuple[slice, slice]:
-    """Return the rows and columns of a picture that show the whole route, with a margin.
+    """Return the rows and columns (slices) of a picture that show a route with a margin.
 
     edit: the edit list. shape: (h, w, …) of the picture; the part has the same proportions.
     """

@@ -103,7 +103,7 @@ def _join_measured(
     edit_lists: dict[str, list[EditList]], tables: dict[str, list[pd.DataFrame]],
     instruments: dict[str, Instrument],
 ) -> dict[str, Swimming]:  # fmt: skip
-    """Join the feature tables of each mode and of the film; print where few ticks were measured.
+    """Join the feature tables of each mode; print a note where few ticks were measured.
 
     tables: by name, one for each edit list in `edit_lists`. A name without a followed fish is left
     out.
@@ -125,7 +125,7 @@ def _join_measured(
 def _classify_or_error(
     p: RealismSettings, named_windows: tuple[str, tuple[Windows, Windows]]
 ) -> Verdict | FinloopError:
-    """Return how well a classifier separates two sets of windows, or the error if they are too few.
+    """Return how well a classifier separates two sets of windows; an error if they are too few.
 
     named_windows: name of the comparison, and its two sets of windows, short stretches of swimming.
     """
@@ -139,7 +139,7 @@ def _classify_or_error(
 def classify_all(
     sides: Sides, p: RealismSettings, pool: Workers, kept: KeptResults = NOTHING_KEPT
 ) -> dict[str, Verdict]:
-    """Return the verdict on each comparison that has enough windows; print a note on the others.
+    """Return the verdict of the classifier on each comparison that has enough windows.
 
     sides: the two sets of windows of each comparison, short stretches of swimming, by its name.
     kept: verdicts of an earlier run.
@@ -158,7 +158,7 @@ def classify_all(
 
 
 def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int) -> None:
-    """Write a film of the examples, each shown twice, `slower` times as slow as filmed.
+    """Write a film of the examples that shows each twice and slowed down.
 
     windows: a row per tick of each example, the windows that are most clearly film or animation.
     """

@@ -29,7 +29,7 @@ def _save_films(
     p: RenderSettings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
     advance: Callable[[], None],
 ) -> list[float]:  # fmt: skip
-    """Write the films of an edit list to data/render/; return each frame's change in grey levels.
+    """Write all films of an edit list; return how much each frame differs from the one before.
 
     They are an MP4 and, if desired, one with goals and path, a short WebP, and modes.mp4, which
     shows all modes side by side. advance: reports progress.

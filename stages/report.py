@@ -122,7 +122,7 @@ def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]
 
 
 def _list_doubts() -> pd.DataFrame:
-    """Return a table of what is doubtful: rows about films first, then those about modes.
+    """Return a table of all doubtful results: first those of films, then those of modes.
 
     Columns: about (film or mode), doubt (a sentence), picture (file in FAULTS) and caption. The
     last two are NaN where no frame shows the fault.
@@ -139,7 +139,7 @@ def _list_doubts() -> pd.DataFrame:
 
 
 def _describe_animation(mode: str, marks: bool) -> str:
-    """Return the text below the film of the animation on the report.
+    """Return the text that stands below the animation's film on the report.
 
     mode: of the animation, or "retarget". marks: whether goals and path are drawn in the film.
     """
@@ -152,7 +152,7 @@ def _describe_animation(mode: str, marks: bool) -> str:
 
 
 def _comparison_film(p: ReportSettings) -> dict[str, Any]:
-    """Return the page's fields on the film in which all modes are side by side.
+    """Return the template's values for the film that shows all modes side by side.
 
     Without such a film the field `beside` is "".
     """

@@ -68,7 +68,7 @@ def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bo
 
 
 def failure_lines(text: str) -> list[str]:
-    """Return finloop's last message in a failed run's output; without one the last lines."""
+    """Return the last message of a failed run's output; its last lines if there is none."""
     lines = text.splitlines()
     # A message of finloop begins with "finloop: " and has a line "  wanted: "; DVC's own follows.
     wanted = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
@@ -133,7 +133,7 @@ def describe_commit(commit: str) -> str:
 
 
 def describe_differing_code(commits: Mapping[str, str]) -> str:
-    """Return a sentence naming the experiments whose program differs from the first one's; else "".
+    """Return a sentence on experiments whose program differs from the first one's; "" if none.
 
     commits: experiment → its commit. The sentence is "" if there is no such experiment.
     """

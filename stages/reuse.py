@@ -22,7 +22,7 @@ Numbers = Mapping[str, float]
 
 
 def reuse_or_make(kept: Path, folder: Path, make: Callable[[Path], Numbers]) -> dict[str, float]:
-    """Fill `folder` with the kept files of a film, or `make` them; return their numbers.
+    """Fill `folder` with kept files of a film, or `make` them; return the film's numbers.
 
     kept: folder of the film's files, named by the `key_digest` of what they are made from. make:
     writes the files into a folder and returns numbers; those that are finite are then kept, with
@@ -68,7 +68,7 @@ def _link_or_copy(source: str, target: str) -> None:
 
 
 def key_digest(key: Mapping[str, Any]) -> str:
-    """Return a digest of 16 hexadecimal digits of plain values by name."""
+    """Return a digest of plain values, 16 hexadecimal digits."""
     return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -63,7 +63,7 @@ def _limit_threads() -> None:
 
 
 def _copy_machine_code() -> None:
-    """Copy the repository's compiled functions into the present folder, if that is another one.
+    """Copy compiled functions from the repository into a temporary experiment's folder.
 
     It is in a temporary experiment, a copy of the repository without them. Compiling them again
     takes ten seconds. `base.kernel` checks that the sources are equal.
@@ -118,7 +118,7 @@ def _require_own_program() -> None:
 
 
 def run(main: Callable[[], None]) -> NoReturn:
-    """Run a stage's `main` and end the process: status 0, 1 after an error, 130 after Ctrl-C.
+    """Run a stage's `main`, report errors, and end the process with an exit status.
 
     An error gives one message on stderr. Only an unforeseen exception shows its traceback, too.
     """
@@ -193,7 +193,7 @@ def open_in_browser(url: str) -> None:
 def report_progress(
     stage: str, total: int | None, unit: str = "frames"
 ) -> Iterator[Callable[..., None]]:
-    """Yield `advance(n=1)`, to be called when n more items are done; progress goes to stderr.
+    """Yield `advance(n=1)`, to call when n more items are done; progress is shown on stderr.
 
     stage: the name to show. total: the number of items to come, None where it is unknown. unit:
     what the items are, in the plural. A terminal shows a bar; else a line is printed at times.

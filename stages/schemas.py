@@ -53,7 +53,7 @@ def omegaconf_schema(option: type) -> type:
 
 
 def _simplify_type(hint: Any) -> Any:
-    """Return the annotation for OmegaConf: `Any` for one with numbers or a union with lists.
+    """Return an annotation that OmegaConf understands: `Any` for numbers and for unions with lists.
 
     A Literal becomes the type of its values, a tuple of Literals a tuple of texts.
     """
@@ -114,10 +114,10 @@ def _plain_groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
 
 
 def _register_resolver(name: str, resolver: Callable[..., str | None]) -> None:
-    """Register the OmegaConf resolver `${name:}`, which gets the whole config."""
+    """Register an OmegaConf resolver `${name:}` that gets the whole config."""
 
     def resolve(*, _root_: DictConfig) -> str | None:
-        """Return the resolver's value for a config; raise its errors as CompositionErrors."""
+        """Return the resolver's value; raise its FinloopError as a CompositionError."""
         try:
             return resolver(_root_=_root_)
         except FinloopError as error:

@@ -99,7 +99,7 @@ def list_problems(values: Mapping[str, Any]) -> list[str]:
 
 
 def _describe_unknown_group(word: str) -> str:
-    """Return a sentence on a top-level key of params.yaml that is no group of parameters."""
+    """Return a sentence on a top-level key of params.yaml that names no group."""
     if word == LOCAL.parent.name:
         return f"{word}: unknown; let {LOCAL} begin with the line: # @package _global_"
     group, _, key = word.partition(".")
@@ -110,7 +110,7 @@ def _describe_unknown_group(word: str) -> str:
 
 
 def list_overrides(values: Mapping[str, Any]) -> list[str]:
-    """Return the Hydra overrides, such as `clip=carp`, with which conf/ composes to a params.yaml.
+    """Return the Hydra overrides with which conf/ composes to a given params.yaml.
 
     values: content of params.yaml. Groups come in its order; of each, the override that chooses the
     variant comes before those of single parameters.

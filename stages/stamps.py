@@ -77,14 +77,14 @@ def _track_files(groups: Groups) -> list[Path]:
 
 
 def _path_files(groups: Groups) -> list[Path]:
-    """Return the files with paths to swim; a track of the film has none."""
+    """Return the files that contain the paths to swim."""
     paths = groups.get("matching", {}).get("path")
     entries = [paths] if isinstance(paths, str) else paths or []
     return [Path(path).expanduser() for path in entries if path and not path.startswith("track:")]
 
 
 def _retarget_files(groups: Groups) -> list[Path]:
-    """Return the file of tracks to retarget, or the tables if that is a film's folder."""
+    """Return the files from which the track to retarget is read."""
     path = groups.get("retarget", {}).get("tracks")
     if not path:
         return []

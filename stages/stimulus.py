@@ -144,7 +144,7 @@ def replay(options: argparse.Namespace) -> None:
 
 
 def page(options: argparse.Namespace) -> None:
-    """Make a page that plays a protocol without a server, if its motions are known in advance."""
+    """Make a page that plays a protocol without a server, if all motion is known in advance."""
     protocol = load_protocol(options.protocol)
     with open_scene(protocol) as film:
         motion = plan_all_trials(film.scene, protocol, order_trials(protocol))
@@ -183,7 +183,7 @@ def calibrate(options: argparse.Namespace) -> None:
 def _open_session(
     options: argparse.Namespace, protocol: Protocol, film: FilmedScene, clock: Any, **facts: Any
 ) -> Iterator[Session]:
-    """Yield a new session with its log; at its end write its file and description.
+    """Yield a new session; at its end write its file and description.
 
     clock: a RealClock, or one that does not wait. facts: further fields of the file's header.
     """
@@ -277,7 +277,7 @@ def _make_inputs(
 
 
 def _access_policy(options: argparse.Namespace, listens: socket.socket) -> AccessPolicy:
-    """Return who may connect: this machine, or with --listen others that know a new secret token.
+    """Return who may connect: this machine; with --listen also others that know a secret token.
 
     listens: the bound socket.
     """

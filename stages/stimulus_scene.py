@@ -46,7 +46,7 @@ class FilmedScene:
     film: str  # a digest of the film's results
 
     def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
-        """Return the data that display pages need: the empty tank, fields, and pictures.
+        """Return the data that display pages receive: the empty tank, pictures, and further fields.
 
         looks: those of the protocol, for the page. fish: number of fish. facts: further fields.
         """
@@ -90,7 +90,7 @@ class FilmedScene:
 
 
 def _load_parameters(*groups: str) -> dict[str, Any]:
-    """Return the parameters of some groups, all in one dictionary by name, as plain values."""
+    """Return the parameters of several groups in one dictionary, by name."""
     values: dict[str, Any] = {}
     for group in groups:
         values |= json.loads(json.dumps(asdict(load_settings(group))))  # tuples become lists
@@ -104,7 +104,7 @@ def look_messages(protocol: Protocol) -> list[dict[str, Any]]:
 
 @contextmanager
 def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
-    """Yield the film and all that a session needs, opened from the stages' results.
+    """Yield an opened film for a stimulus, from the stages' results.
 
     protocol: None where no fish is to swim. FinloopError if the film shows too little for mode
     `matching`, or if the protocol has rules for a school and the film shows none.
@@ -167,7 +167,7 @@ def display_file(name: str) -> Path:
 
 
 def load_display_calibration(name: str, required: bool) -> dict[str, Any] | None:
-    """Return a display's calibration, ready for JSON; None if it has none and none is required.
+    """Return the calibration of a display, ready for JSON; None if there is none.
 
     name: of the display. FinloopError if one is required and missing, or it is damaged.
     """

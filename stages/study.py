@@ -63,7 +63,7 @@ Overrides = list[str]
 
 
 def parse_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
-    """Return the films of a study, name → overrides, and the overrides that all films share.
+    """Return the films of a study, name → overrides, and the overrides common to all.
 
     text: paths of films, separated by spaces, or the path of one YAML file. FinloopError if a film
     is missing, a film stands twice, or the file is not a study.
@@ -110,20 +110,20 @@ def require_different_films(films: Mapping[str, Overrides]) -> None:
 
 
 def _film_path(settings: Overrides) -> Path | None:
-    """Return the path of the film that overrides name, the last if several; None if none."""
+    """Return the path of the film that overrides name; None if they name none."""
     paths = [text.partition("=")[2] for text in settings if text.startswith("clip.path=")]
     # The value is YAML with "${" escaped, as `clip_path_overrides` writes it.
     return Path(yaml.safe_load(paths[-1].replace("\\${", "${"))) if paths else None
 
 
 def _file_size(settings: Overrides) -> int | None:
-    """Return the size of the film that overrides name, in bytes; None if it is no file."""
+    """Return the size in bytes of the film that overrides name; None if there is no file."""
     path = _film_path(settings)
     return path.stat().st_size if path and path.is_file() else None
 
 
 def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
-    """Return the films of a study file, name → overrides, and the overrides that all films share.
+    """Return the films of a study file, name → overrides, and the overrides common to all.
 
     FinloopError lists what makes the file no study.
     """

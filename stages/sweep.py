@@ -50,7 +50,7 @@ AFTER_ANIMATE = {*WORDS[WORDS.index("animate") + 1 :]}  # stages that `animate` 
 
 
 def _clone(root: Path, folder: Path, cache: str) -> None:
-    """Clone the repository `root`, with uncommitted changes, into `folder`; share DVC's cache.
+    """Clone the repository `root` with uncommitted changes into `folder`; share DVC's cache.
 
     cache: path of DVC's cache, which the clone then uses.
     """
@@ -114,7 +114,7 @@ def _has_run_same_program(commit: str) -> bool:
 
 
 def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, processes: int) -> str:
-    """Make one run in a clone and fetch its experiment; return "", or last lines if it failed.
+    """Make one run in a clone and fetch its experiment; return "", or why it failed.
 
     changes: overrides. stages: to run, all if empty. processes: the number of processes of a stage.
     """
@@ -130,7 +130,7 @@ def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, pro
 
 
 def _print_failure(name: str, cause: str) -> None:
-    """Print that a run has failed, as soon as it has: the others may take long."""
+    """Print at once that a run has failed, and why."""
     print(f"\n{name} failed:\n    {cause}\n", file=sys.stderr, flush=True)
 
 
@@ -159,7 +159,7 @@ class RunMaker(ExitStack):
     def __init__(
         self, stages: list[str], jobs: int, shared: bool = True, measures: Sequence[str] = ()
     ) -> None:
-        """Check that git can store experiments; FinloopError if not. Clones are made by `make`."""
+        """Check that git can store experiments; FinloopError if not."""
         super().__init__()
         self.stages, self.jobs, self.shared = stages, max(1, jobs), shared
         self.measures = measures
@@ -267,7 +267,7 @@ class RunMaker(ExitStack):
 def plan_sweep(
     words: Sequence[str], measures: Sequence[str], changes: Mapping[str, Any]
 ) -> tuple[str, Experiment, list[str]]:
-    """Return a sweep's name, what it varies and measures, and overrides for all its runs.
+    """Return the name of a sweep, its declaration, and the overrides of all its runs.
 
     words: a name in conf/experiment/, `key=1,2` to vary and `key=3` for every run. measures: what
     is measured. If there are none, the named sweep declares them; without a name they are the
@@ -305,7 +305,7 @@ def plan_sweep(
 
 
 def _sort_words(words: Sequence[str]) -> tuple[list[str], dict[str, str], list[str]]:
-    """Return the words of a command line as names, values to vary, and other overrides.
+    """Return the words of a command line, sorted: names, values to vary, and other overrides.
 
     A name is a word without "=". The values are by `group.key`, in Hydra's notation, as "1,2".
     FinloopError if a word with "=" is no override of Hydra.
@@ -332,7 +332,7 @@ def list_sweeps() -> list[str]:
 
 
 def _headline_measures(groups: Iterable[str]) -> list[str]:
-    """Return names `<stage>.<number>` of the headline numbers of stages, and of `animate`.
+    """Return the names of the headline numbers of stages and of `animate`: `<stage>.<number>`.
 
     Those of `animate` are left out if it runs before all these stages. groups: names of stages.
     """
@@ -345,7 +345,7 @@ def _headline_measures(groups: Iterable[str]) -> list[str]:
 def make_sweep(
     name: str, plan: Experiment, overrides: list[str], jobs: int
 ) -> tuple[list[str], dict[str, str], str]:
-    """Make the runs of a sweep; return the finished ones, the failed ones (name → cause), a text.
+    """Make all runs of a sweep; return the finished ones, the failed ones, and a text.
 
     overrides: of every run. jobs: runs at a time. The text says what Optuna found, "" for a grid.
     """

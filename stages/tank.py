@@ -59,7 +59,7 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
 
 
 def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
-    """Return one picture made of rows of pictures (h, w, 3), scaled to a width of _SHEET_PX each.
+    """Return one picture that shows rows of pictures (h, w, 3), scaled to a width of _SHEET_PX.
 
     All have one size; each inner list is a row.
     """
@@ -74,7 +74,7 @@ def _join_sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
 def _save_3d_files(
     folder: Path, tank: TankSize, fish: list[FishSurface], project: Project
 ) -> list[AnimatedFish]:
-    """Write tank.glb, the tank with its fish, and tank.html, a page that shows it, to `folder`.
+    """Write the tank with its fish to `folder`: as a scene, tank.glb, and a page, tank.html.
 
     Return the fish, animated as in both files. fish: surfaces; the first one gives the skin of all.
     """

@@ -56,7 +56,7 @@ def make_trials(
     make: Callable[[Overrides], dict[str, str]],
     measure: Callable[[str, str], float | None],
 ) -> tuple[Overrides, dict[str, str], str]:  # fmt: skip
-    """Run the trials of a sweep; return its runs, the failed ones (name → cause), and a sentence.
+    """Run the trials of a sweep; return all runs, the failed ones, and a sentence on the best.
 
     A trial is one combination of values, and has a run for each seed. After each seed, trials that
     do worse than others end. name: of the sweep. present: seed parameter → its present value.
@@ -118,7 +118,7 @@ def _create_study(direction: str) -> tuple[Any, Any]:
 
 
 def _format_value(item: tuple[str, Any]) -> tuple[str, str]:
-    """Return a parameter and its value as texts, numbers with few digits."""
+    """Return a parameter's name and value as texts."""
     key, value = item
     return key, f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
 

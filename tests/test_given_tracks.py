@@ -220,11 +220,11 @@ def test_what_is_used_is_said():
     unused = {"no_silhouette": 0, "shared": 50, "not_isolated": 0, "in_short_runs": 75}
     numbers = {"places_used_share": 0.875, "animals": 4, "animals_used": 3, "places": 1000}
     numbers |= {f"places_{why}": count for why, count in unused.items()}
-    used, unseen = stages.extract.describe_given_places(numbers)
+    used, unseen = stages.extract.describe_used_positions(numbers)
     assert "87.5%" in used and "4 animals 1 never" in unseen
     assert "5.0% share a silhouette; 7.5% are in runs" in used and "no silhouette" not in used
-    assert len([*stages.extract.describe_given_places(numbers | {"animals_used": 4})]) == 1
-    assert not [*stages.extract.describe_given_places({})]
+    assert len([*stages.extract.describe_used_positions(numbers | {"animals_used": 4})]) == 1
+    assert not [*stages.extract.describe_used_positions({})]
 
 
 def test_each_of_several_films_has_its_tracks(tmp_path):

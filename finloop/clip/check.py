@@ -97,7 +97,7 @@ class ClipTally:
     _last: np.ndarray | None = None
 
     def add_frame(self, frame: np.ndarray) -> None:
-        """Count and measure the next frame (h, w[, 3]); copy it if it is one of the samples.
+        """Count and measure the next frame (h, w[, 3]); keep a copy if it is a sample.
 
         Only a grid of its pixels is measured (`thin_frame`); copies are whole.
         """
@@ -117,7 +117,7 @@ class ClipTally:
         self.frames += 1
 
     def _add_sample(self, frame: np.ndarray) -> None:
-        """Copy a frame; beyond `SAMPLES` copies drop every other one, and copy half as often."""
+        """Keep a copy of a frame; of more than `SAMPLES` copies, drop every other one."""
         self.samples[self.frames] = frame.copy()
         if len(self.samples) > SAMPLES:
             self._stride *= 2
@@ -148,7 +148,7 @@ def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
 
 
 def choose_examined_frames(frames: int, key_frame_distance: int = 1) -> list[int]:
-    """Return the numbers of the frames of a clip that are examined, ascending.
+    """Return which frames of a clip are examined: their numbers, ascending.
 
     All frames of a short clip; of a long one about `EXAMINED`, in runs of at least two successive
     frames, because noise and fields are measured between a frame and the next. Each run begins at
@@ -194,7 +194,7 @@ def _undo_shake(frames: list[Picture]) -> list[Picture]:
 
 
 def _median_picture(frames: Sequence[Picture]) -> Picture:
-    """Return the median of each pixel over pictures of one size; of an even number the upper one.
+    """Return the median of each pixel over pictures of one size.
 
     Neighbours that are out of order change places until the upper half is sorted: for so few
     pictures this is ten times as fast as a sort of each pixel. A strip of rows at a time stays in
@@ -238,7 +238,7 @@ def check_film(
 def _examine_frames(
     frames: Iterable[tuple[int, Picture]], tank_picture: Picture
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return two tables: shift, fields and noise of each frame, and measures of its animals.
+    """Return two tables: shift, fields and noise by frame, and measures of the moving pixels.
 
     The first table has a row for each frame; fields and noise are missing where `frames` lacks the
     frame before, against which they are measured. The second table has the columns
@@ -321,7 +321,7 @@ class _MovingPixels(NamedTuple):
 def _measure_moving_pixels(
     frame: Picture, tank: Picture, floor_grey: float, gain: float
 ) -> _MovingPixels:
-    """Return the measures of the pixels of a frame that differ from the empty tank.
+    """Return measures of the pixels in which a frame differs from the empty tank.
 
     frame, tank: grey (h, w); floor_grey: median level of the tank; gain: brightness of the frame
     divided by that of the tank.
@@ -340,7 +340,7 @@ def _measure_moving_pixels(
 
 
 def measure_shake(shifts: Floats, examined: int) -> tuple[float, float, float]:
-    """Return the camera's shake [px]: root mean square, largest, and how far tiles disagree.
+    """Return the camera's shake [px]: its root mean square, its largest shift, and its distortion.
 
     All NaN if most shifts are unknown. shifts (n, 3): as in `Shift`, NaN where unknown; examined:
     how many frames were measured.
@@ -356,7 +356,7 @@ def measure_shake(shifts: Floats, examined: int) -> tuple[float, float, float]:
 def _summarize_quality(
     table: pd.DataFrame, light: LightMeasures, examined: int, moving: pd.DataFrame
 ) -> Quality:
-    """Return the quality of a film from the measures of its frames.
+    """Return the quality of a film, computed from the measures of its frames.
 
     table: columns `CHECK`; light: flicker and drift; examined: number of frames that were
     examined; moving: columns `_MovingPixels`, a row for each frame in which these were measured.

@@ -70,7 +70,7 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
 
 
 def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
-    """Return masks (frames,): where enough moves to decide, and the doubled frames among these.
+    """Return two masks (frames,): where enough moves to decide, and which frames are doubled.
 
     A frame is doubled if its change is small, and a larger one is among the three before it and
     among the three after it: a resting animal that darts away has small changes on one side only.
@@ -91,7 +91,7 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
 
 
 def _small_change_limits(changes: Floats) -> tuple[Floats, Floats]:
-    """Return around each frame the largest change, and the limit of small changes, (frames,).
+    """Return the largest change near each frame, and the limit of a small change there, (frames,).
 
     The changes of the six frames to either side are sorted, without the two largest, which may be
     flashes. Those below the largest gap, a ratio of one to the next, are small; where no gap is
@@ -128,12 +128,12 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
 
 
 def _frames_on_beat(number: Ints, rate: float, phase: float) -> Mask:
-    """Return the mask (frames,) of the frames, given by number, on which a beat falls."""
+    """Return a mask of frames, given by number, on which a beat of a rhythm falls."""
     return np.floor(number * rate + phase) > np.floor((number - 1) * rate + phase)
 
 
 def _find_rhythm(decidable: Mask, rare: Mask) -> tuple[float, float]:
-    """Return how often rare frames come [beats per frame], and their approximate phase [beats].
+    """Return the rate [beats per frame] and rough phase [beats] at which rare frames come.
 
     The rate is the peak of a spectrum. decidable, rare: masks (frames,).
     """

@@ -45,7 +45,7 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
 
 
 def _sample_pixels(picture: Picture) -> Floats:
-    """Return about 1500 pixels (n, channels) of a picture, evenly spread."""
+    """Return about 1500 evenly spread pixels of a picture, (n, channels)."""
     step = max(1, round((picture.shape[0] * picture.shape[1] / _PIXELS) ** 0.5))
     sample = picture[::step, ::step].astype(np.float64)
     return sample.reshape(sample.shape[0] * sample.shape[1], -1)

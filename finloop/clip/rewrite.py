@@ -92,7 +92,7 @@ class ClipResult:
 
     @property
     def metrics(self) -> dict[str, float]:
-        """Return metrics by name: the clip's quality, and that of a film before its repair.
+        """Return metrics by name: quality of the clip and, after a repair, of the film before it.
 
         The latter begin with `filmed_`. For each repair there is `mended_…`, 0 or 1, and for each
         that was tried but made the film no better `refused_…`, 1.
@@ -147,7 +147,7 @@ class _FrameCorrector:
         return mask
 
     def measure_film(self, sample: Quality, rate_hz: float) -> Quality:
-        """Return a sample's quality with the light and shake of the whole film, where stored.
+        """Return a sample's quality with the light and shake of the whole film filled in.
 
         rate_hz: frames per second of the film.
         """
@@ -192,7 +192,7 @@ def make_clip(
     p: ClipSettings, source: ClipSource, folder: Path,
     show_progress: Watch = lambda *_: nullcontext(lambda: None),
 ) -> ClipResult:  # fmt: skip
-    """Write a film as a clip: upright, at a constant frame rate, with the footage's faults mended.
+    """Write a film as a clip: upright, at a constant frame rate, with faults repaired.
 
     Repairs are tried on a sample of the film. Those that make it better (`is_better`) are made
     while the clip is written. Then all of the clip is checked: a repair that does not help there is
@@ -221,7 +221,7 @@ def _make_result(version: _Version, filmed: Quality) -> ClipResult:
 def _write_planned_version(
     p: FootageSettings, footage: Footage, write: _Make
 ) -> tuple[_Version, Quality]:
-    """Write a clip with the repairs that help its sample; return it and the unrepaired quality.
+    """Write a clip with the repairs that help its sample; return it and the film's quality.
 
     The latter is that of the film before any repair.
     """
@@ -301,7 +301,7 @@ def _write_version(
 
 
 def _add_repairs(p: FootageSettings, version: _Version, kind: set[str], make: _Make) -> _Version:
-    """Return a version with those further repairs of one kind that it needs and that help it."""
+    """Return a version with all further repairs of one kind that it needs and that help."""
     todo = choose_repairs(p, version.quality, min(version.arena.shape)) & kind
     todo -= version.mended | version.refused
     if _is_retimed(version.facts):
@@ -313,7 +313,7 @@ def _make_repairs(
     p: FootageSettings, before: _Version, todo: Set[str], make: _Make,
     helps: Callable[[str, Quality, Quality], bool] | None = None,
 ) -> _Version:  # fmt: skip
-    """Return a version with more repairs, of `REPAIRED_BY`; those that do not help are left out.
+    """Return a version with some more repairs (of `REPAIRED_BY`), except those that do not help.
 
     helps(repair, quality before, quality after): None: `is_better`.
     """
@@ -337,7 +337,7 @@ def _is_retimed(facts: VideoFacts) -> bool:
 
 
 def _plan_reading(before: _Version, todo: Set[str]) -> _Reading:
-    """Return how to read a film with more repairs; settings come from what was measured before.
+    """Return how to read a film with more repairs, from what was measured before.
 
     todo: the repairs, of `REPAIRED_BY`.
     """
@@ -383,7 +383,7 @@ def is_better(repair: str, before: Quality, after: Quality) -> bool:
 
 
 def choose_repairs(p: FootageSettings, quality: Quality, smaller_side_px: int) -> set[str]:
-    """Return the names of the repairs that a film needs or the parameters demand.
+    """Return the names of the repairs that a film needs or that parameters demand.
 
     They are keys of `REPAIRED_BY`. smaller_side_px: of the picture; it limits the shake that can be
     repaired.
@@ -438,9 +438,10 @@ def _read_footage(p: FootageSettings, footage: Footage, reading: _Reading) -> Cl
 
 
 def _simplest_fraction(rate: float, frames: int) -> Fraction:
-    """Return the simplest fraction that differs from a rate by less than half a frame in a film.
+    """Return the simplest fraction that is close enough to a frame rate for a film's length.
 
-    frames: length of the film. If none of a denominator up to 1001 does, the nearest of them.
+    Close enough is less than half a frame at the film's end. frames: length of the film. If no
+    fraction of a denominator up to 1001 is, the nearest of them is returned.
     """
     for denominator in range(1, 1002):
         fraction = Fraction(rate).limit_denominator(denominator)
@@ -450,7 +451,7 @@ def _simplest_fraction(rate: float, frames: int) -> Fraction:
 
 
 def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:
-    """Measure a clip's light, camera and coding; write the table; return quality and empty tank."""
+    """Measure a clip's quality, write the table of checks, and return quality and empty tank."""
     # More threads would decode frames that are not read.
     read = partial(read_chosen_frames, folder / CLIP_NAME, threads=1)
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)

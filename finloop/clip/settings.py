@@ -91,7 +91,7 @@ class FootageSettings:
 
     @property
     def film(self) -> Path:
-        """Return the path of the only film; ValueError if there are several."""
+        """Return the path of the film if it is a single one; else raise ValueError."""
         if not isinstance(self.path, str):
             raise ValueError(f"several films: {self.path}")
         return Path(self.path).expanduser()
@@ -109,7 +109,7 @@ class FootageSettings:
         return films
 
     def _settings_of_film(self, values: dict[str, Any]) -> tuple[Any, list[str]]:
-        """Return these parameters with one film's own values, and a list of problems.
+        """Return these settings changed by one film's own values, and a list of problems.
 
         values: the film's path, and parameters that differ. The first result is None if there are
         problems.

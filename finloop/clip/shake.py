@@ -77,7 +77,7 @@ def to_grey(picture: Picture) -> Picture:
 
 
 def _smooth_grey(picture: Picture) -> tuple[Picture, int]:
-    """Return a picture (h, w[, 3]) as grey, reduced and smoothed; and by what factor it is reduced.
+    """Return a picture (h, w[, 3]) as grey, reduced and smoothed, and the factor of reduction.
 
     The second result is the reduction: the largest whole number that leaves both sides `_ENOUGH`.
     """
@@ -134,7 +134,7 @@ def _trust_marks(tile: Ints, steepness: Floats) -> Floats:
 
 
 def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift:
-    """Return the shift [px] of a frame against the empty tank; `UNKNOWN` if too few marks show it.
+    """Return the shift [px] of a frame against the empty tank; `UNKNOWN` if too little shows it.
 
     tank: its landmarks; last: shift of the frame before, where the search begins.
     """
@@ -159,7 +159,7 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
 
 
 def _fit_robustly(design: Floats, level: Floats, trust: Floats, weight: Floats) -> _Fit:
-    """Return a least-squares fit of grey levels (marks,) by the columns of design (marks, 4).
+    """Return a fit of grey levels (marks,) by the columns of design (marks, 4), without outliers.
 
     A mark's weight is its trust (marks,) times Tukey's biweight of its residual, which leaves out
     animals. weight (marks,): the weights to begin with.
@@ -174,7 +174,7 @@ def _fit_robustly(design: Floats, level: Floats, trust: Floats, weight: Floats) 
 
 
 def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
-    """Return the best of three guesses of a frame's shift (2,) [px], to begin the search with.
+    """Return the best of three guesses of a frame's shift (2,) [px], where the search begins.
 
     The guesses are no shift, the shift of the frame before, and a phase correlation. picture: the
     frame, grey and smoothed.
@@ -199,7 +199,7 @@ def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
 
 
 def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats:
-    """Return the grey levels (marks,) of a frame at the landmarks, which are shifted by (2,) px.
+    """Return the grey levels (marks,) of a frame at the landmarks, after a shift of (2,) px.
 
     tank: its landmarks; interpolation is bilinear.
     """
@@ -214,7 +214,7 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
 
 
 def _judge_shift(shift_px: Floats, fit: _Fit, tank: Landmarks) -> Shift:
-    """Return the fitted shift with its `apart`; `UNKNOWN` if too few tiles support it.
+    """Return a fitted shift, with how far tiles disagree; `UNKNOWN` if too few tiles support it.
 
     `apart` is the median distance [px] of the tiles' own shifts from the whole picture's, to the
     right or down, whichever is larger. shift_px: (2,), in the reduced picture; fit: of the frame
@@ -299,9 +299,10 @@ def _filter_rows_and_columns(
 
 @finite_kernel
 def _weigh_rows(sums: np.ndarray, weights: np.ndarray, rows: tuple[np.ndarray, ...]) -> None:
-    """Write to sums (n,) the weighted sum of eight rows of n levels or more; weights (8,).
+    """Write to sums (n,) the sum of eight rows of levels, each times its weight (8,).
 
-    They are written out, because a loop over them takes twice as long.
+    The eight terms are written out, because a loop over them takes twice as long. A row has n
+    levels or more.
     """
     a, b, c, d, e, f, g, h = rows
     for x in range(len(sums)):
@@ -312,7 +313,7 @@ def _weigh_rows(sums: np.ndarray, weights: np.ndarray, rows: tuple[np.ndarray, .
 
 
 def _lanczos_weights(fraction: float) -> np.ndarray:
-    """Return the weights (8,) of the pixels −3 … 4 for the level at 0 ≤ fraction < 1 [px].
+    """Return the weights (8,) of pixels −3 … 4 that interpolate at 0 ≤ fraction < 1 [px].
 
     They are Lanczos' kernel sinc(x) · sinc(x / 4), normalised to a sum of 1.
     """

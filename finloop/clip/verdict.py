@@ -57,7 +57,7 @@ def list_findings(
 
 
 def _judge_all(quality: Quality) -> Iterator[Finding]:
-    """Yield the findings on a film of this quality, on every subject."""
+    """Yield all findings on a film of this quality."""
     yield from _judge_light(quality)
     yield _judge_shake(quality)
     yield from _judge_pictures(quality)

@@ -139,7 +139,7 @@ def _open_carp(p: CarpSettings) -> ClipSource:
     truth: list[dict[str, Any]] = []
 
     def draw_frames() -> NumberedFrames:
-        """Yield the drawn frames with time and number, and collect their truth."""
+        """Yield the drawn frames with time and number, and store the truth about them."""
         for number, (frame, rows) in enumerate(film_frames(p)):
             truth.extend(rows)
             yield float(number / rate), (number, frame)
@@ -171,7 +171,7 @@ def _write_streams(
     writer: VideoWriter, source: ClipSource, write_truth: WriteRows | None,
     advance: Callable[[], None],
 ) -> tuple[FrameCounts, ClipTally, array]:  # fmt: skip
-    """Write the frames of one film after another, re-timed to a constant frame rate.
+    """Write the frames of one film after another, timed anew to a constant frame rate.
 
     write_truth: writes the true places of drawn carp; None for filmed fish. Return the timing, the
     tally, and the numbers that the written frames have in their source. FinloopError if fewer than
@@ -180,7 +180,7 @@ def _write_streams(
     timing, tally, source_frames = FrameCounts(), ClipTally(), array("i")
 
     def flush_truth(least: int) -> None:
-        """Write the collected rows of truth, and forget them, if there are `least` or more."""
+        """Write the stored rows of truth and drop them, if there are `least` or more."""
         if write_truth and len(source.truth) >= least:
             write_truth(pd.DataFrame(source.truth))
             source.truth.clear()

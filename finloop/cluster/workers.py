@@ -150,7 +150,7 @@ def run_pickled_item(home: WorkerHome, work: str, item: bytes) -> bytes:
 
 
 def _prepare_worker(home: WorkerHome, work: str) -> Callable[[Any], Any]:
-    """Check and set up this worker; return the function pickled in the file `work`.
+    """Check and set up this worker; return the function that is pickled in `work`.
 
     The worker must equal the submitting process (`home`), enters the shared folder, and gets one
     OpenCV thread. FinloopError if it differs, or does not see the file.
@@ -266,7 +266,7 @@ class DaskWorkers:
 
     @contextmanager
     def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
-        """Share a function with the workers; yield `submit(item)`, which returns a pending result.
+        """Share a function with the workers; yield `submit(item)`, which gives a pending result.
 
         The latter returns the item's pending result. work: the function, applied to each item.
         """
@@ -356,7 +356,7 @@ class _SubmittedItem:
     """One item that was submitted to Dask's scheduler, and its pending result."""
 
     def __init__(self, workers: DaskWorkers, submit: Callable[[], Any]) -> None:
-        """Call `submit`, which sends the item to the scheduler and returns its future."""
+        """Send an item to the scheduler by calling `submit`, which returns its future."""
         self._workers, self._submit, self._future = workers, submit, submit()
 
     def result(self) -> Any:

@@ -22,7 +22,7 @@ def signed_area(curve: Curve) -> float:
 
 
 def next_corners(values: Floats) -> Floats:
-    """Return values (n, …) at a closed polygon's corners, each replaced by the next corner's.
+    """Return values (n, …) at a polygon's corners, shifted: row i is that of the next corner.
 
     It is numpy.roll(values, -1, axis=0) in a fifth of its time, which short curves notice.
     """
@@ -67,7 +67,7 @@ def resample_curve(curve: Curve, n: int) -> Curve:
 
 
 def nearest_on_curve(points: Floats, curve: Curve) -> tuple[Floats, Floats]:
-    """Return each point's nearest position (m,) on a curve, and the gap (m, 2) from there to it.
+    """Return the nearest position (m,) on a curve for each point (m, 2), and the gap (m, 2).
 
     A place is the number of a point of the curve plus the share of the way to the next. A gap leads
     from the place to the point.

@@ -150,7 +150,7 @@ def solve_motion(
 
 
 def _coarsen_problem(problem: Problem, level: int) -> Problem:
-    """Return the problem of a curve's n / 2^level control points (c of Eq. 3.6, without d)."""
+    """Return the problem of a curve's n / 2^level control points."""
     rest, u, v, q = (
         control_points(points, problem.wavelet, level)
         for points in (problem.rest, *problem.state_at_start(), problem.force_on_points())
@@ -215,7 +215,7 @@ class Oscillators:
 
 
 class Response(NamedTuple):
-    """Factors (t, m) that give positions and speeds of m oscillators at t times.
+    """Factors (t, m) by which positions and speeds of m oscillators at t times are computed.
 
     The place is of_place · a₀ + of_speed · v₀ + of_force · Q, with a₀, v₀ the first place and speed
     and Q the constant force. The three `_rate` fields give the speed in the same way.
@@ -230,7 +230,7 @@ class Response(NamedTuple):
 
 
 def oscillator_response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
-    """Return the factors (t, m) that solve Eq. 3.16 for m independent oscillators at times (t,).
+    """Return the factors (t, m) that solve Eq. 3.16 for m oscillators at times (t,).
 
     forced: False leaves out the factor of the force (it is 0) and saves half of the time. The
     formulas neither cancel nor overflow near double roots, where swinging becomes creeping.
@@ -285,7 +285,7 @@ def _mean_of_decay(x: Floats) -> Floats:
 
 
 def _force_response(total: Floats, product: Floats, slow: Floats, decayed_place: Floats) -> Floats:
-    """Return how far a constant force of 1 moves oscillators from rest [time² / density].
+    """Return how far a constant force of 1 moves oscillators, in units of time²/density.
 
     −x and −y are the two roots of the characteristic polynomial, each multiplied by the time since
     the start; they are complex where the oscillator swings. total = x + y, product = xy; slow: the
@@ -329,7 +329,7 @@ def oscillator_motion(
 
 
 class Basis(NamedTuple):
-    """A basis of coefficients of a curve in which the stiffness K is treated as diagonal.
+    """A basis for the points of a curve, in which the stiffness K counts as diagonal.
 
     transform: from points (n, d) to coefficients (m, d); inverse: its inverse, from (…, m, d) to
     (…, n, d); k: the diagonal (m,) of the stiffness K.
@@ -374,7 +374,7 @@ def _solve_decoupled(problem: Problem, options: SolverOptions) -> Trajectory:
 
 
 def _solve_in_basis(basis: Basis, problem: Problem) -> Trajectory:
-    """Return a curve's motion as one independent oscillator for each coefficient of a basis."""
+    """Return a curve's motion, computed as independent oscillators in a basis."""
     u, v = problem.state_at_start()
     oscillators = curve_oscillators(basis, problem.material)
     force = None if problem.force is None else basis.transform(problem.force_on_points())

@@ -56,7 +56,7 @@ class Wind:
 
 @dataclass(frozen=True)
 class Attraction:
-    """A pull of each point of a curve to the nearest of `points` (m, 2): strength × distance.
+    """A pull of each point of a curve to the nearest of `points` (m, 2), like a spring.
 
     points: one, or those of a curve, as close together as the motion shall be smooth.
     """
@@ -109,7 +109,7 @@ class Forces:
 
 
 class _Field(NamedTuple):
-    """The part of the forces that is not linear in velocity and position, per length.
+    """The forces per length that are not already in `Forces.drag` and `Forces.pull`.
 
     constant (n, k, 2): what does not change; varying: the rest, from places (n, k, 2) and a time,
     None if there is none.
@@ -120,7 +120,7 @@ class _Field(NamedTuple):
 
 
 def _split_forces(forces: Forces, density: float, rest: Floats) -> _Field:
-    """Return the constant and the varying part of forces on curves at rest (n, k, 2).
+    """Return forces, without drag and pull, as a constant and a varying part.
 
     density: of the curves. The linear part is in `Forces.drag` and `Forces.pull`.
     """
@@ -140,7 +140,7 @@ def _split_forces(forces: Forces, density: float, rest: Floats) -> _Field:
     gusty = [wind for wind in forces.winds if wind.gust]
 
     def vary(places: Floats, time: float) -> Floats:
-        """Return the part (n, k, 2) of the force that varies with positions and time."""
+        """Return the varying part (n, k, 2) of the forces per length at positions and a time."""
         total = np.zeros_like(places)
         for wind in gusty:
             total += wind.drag * wind.gust_velocity(places, time)
@@ -193,7 +193,7 @@ def solve_in_forces(problem: Problem, forces: Forces, substeps: int = 4) -> Traj
     constant = basis.transform(field.constant.reshape(n, -1) + problem.force_on_points())
 
     def push(places: Numbers, time: float) -> Numbers:
-        """Return the force's coefficients, from the coefficients of a displacement."""
+        """Return the coefficients of the force, from the coefficients of a displacement."""
         if field.varying is None:
             return constant
         places_now = rest + basis.inverse(places).reshape(rest.shape)
@@ -226,7 +226,7 @@ def _advance(factors: Numbers, state: Numbers, force: Numbers) -> Numbers:
 
 
 class _Hold(NamedTuple):
-    """Held points (h,) of a curve, and the response of all points that brings them back in a step.
+    """The held points (h,) of a curve, and how all its points react when they are put back.
 
     back (2, n, h): change of places and speeds of all points, for each held point that is 1 away.
     """
@@ -237,7 +237,7 @@ class _Hold(NamedTuple):
 
 
 def _find_holds(is_held: NDArray[np.bool_] | None, response: Floats) -> list[_Hold]:
-    """Return the holds of those curves that have held points.
+    """Return one hold for each curve that has held points.
 
     is_held (n, k); response (2, n): how a force of 1 on point 0 changes the places and speeds of
     all points in a step.
@@ -253,7 +253,7 @@ def _find_holds(is_held: NDArray[np.bool_] | None, response: Floats) -> list[_Ho
 
 
 def _constrain(state: Floats, rest: Floats, forces: Forces, holds: Sequence[_Hold]) -> bool:
-    """Put held points back, and points below the floor onto it; return whether any moved.
+    """Put held points back, and raise points to the floor; return whether any moved.
 
     state (2, n, k, 2): displacements and velocities, changed in place; rest (n, k, 2).
     """
@@ -276,7 +276,7 @@ def _constrain(state: Floats, rest: Floats, forces: Forces, holds: Sequence[_Hol
 
 
 def find_rest_time(motion: Trajectory) -> float | None:
-    """Return the time from which a curve is at rest: slower than AT_REST of its top speed.
+    """Return the time from which on a curve is at rest; None if it is not at the end.
 
     Speeds are the RMS of all points, from each time to the next, as a viewer sees them. None if the
     curve does not come to rest.

@@ -85,7 +85,7 @@ def connection_coefficients(wavelet: str) -> ConnectionCoefficients:
 
 
 def _refinement_matrix(alpha: Floats, size: int) -> Floats:
-    """Return the matrix α_{2l − k} / 2, |l|, |k| < size, by which refinement maps inner products.
+    """Return the matrix α_{2l − k} / 2, |l|, |k| < size: how refinement maps inner products.
 
     alpha (P + 1,): autocorrelation of the low filter, which is 0 beyond P.
     """
@@ -173,7 +173,7 @@ def stiffness_matrix(wavelet: str, n: int, levels: int, elastic: float = 1.0) ->
 
 
 def _first_rows_of_scales(wavelet: str, n: int, levels: int, elastic: float) -> Floats:
-    """Return the rows (scales, n) of K for the first basis function of each scale.
+    """Return the rows (scales, n) of the stiffness matrix for the first function of each scale.
 
     K is the stiffness matrix in the wavelet basis. Its rows are found without it: the circulant K
     in the basis of φ is applied to these functions. n: points of the curve; levels: halvings;
@@ -191,7 +191,7 @@ def _first_rows_of_scales(wavelet: str, n: int, levels: int, elastic: float) -> 
 
 
 def _block_entries(first_row: Floats, scale: slice, finer: slice) -> tuple[Ints, Ints, Floats]:
-    """Return rows, columns and values (k,) of the nonzero entries in one block of K.
+    """Return rows, columns and values (k,) of the nonzero entries in a stiffness block.
 
     scale: rows of the block; finer: its columns, of the same scale or a finer one; first_row: its
     first row. Each other row is the row before, moved on round the curve by as many columns as

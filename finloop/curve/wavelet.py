@@ -29,7 +29,7 @@ _MODE = "periodization"  # of PyWavelets: curves are closed
 
 @cache
 def find_wavelet(name: str) -> pywt.Wavelet:
-    """Return the wavelet with a name, CUBIC or one of PyWavelets such as "db4", and its filters.
+    """Return the wavelet of a name, with its filters.
 
     FinloopError if the name is unknown, or the wavelet's filters do not reconstruct a curve.
     """
@@ -83,7 +83,7 @@ def count_halvings(n: int) -> int:
 
 
 def wavelet_for_transform(name: str, n: int, levels: int) -> pywt.Wavelet:
-    """Return a wavelet by name if it can transform n points over so many levels.
+    """Return the wavelet of a name, if it can transform n points over so many levels.
 
     FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
     longer than the curve: then no coefficient would be local.

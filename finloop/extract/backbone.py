@@ -49,7 +49,7 @@ class Backbone(NamedTuple):
 def trace_backbone(
     mask: Mask, field: Picture, points: int, floor: float, limbs: bool = False
 ) -> Backbone | None:
-    """Return the backbone of a silhouette; None if its skeleton is shorter than 4 px.
+    """Return the backbone of a silhouette; None if its skeleton is too short.
 
     mask: (h, w), the silhouette. field: (h, w), the difference from the empty tank, from which
     sides and tips are read at sub-pixel precision. points: number of backbone points. floor: grey
@@ -239,7 +239,7 @@ def _farthest_pixel(distances: Floats) -> int:
 
 @kernel
 def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
-    """Return shortest path lengths from one skeleton pixel to all, and each pixel's predecessor.
+    """Return the shortest paths from one skeleton pixel: lengths, and predecessor of each pixel.
 
     Both are (pixels,): a length is infinite where no path leads, a predecessor is the number of the
     pixel before on the path, −1 for none. number: (h, w), the number of each skeleton pixel, −1
@@ -279,7 +279,7 @@ def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyp
 
 @lru_cache
 def smoothing_matrix(points: int, weight: float = _SMOOTHING) -> Floats:
-    """Return the matrix (points, points) that smooths a line (points, 2) by multiplication.
+    """Return the matrix (points, points) that smooths a line (points, 2) if multiplied by it.
 
     weight: of the penalty, for an arc length that runs from 0 to 1.
     This is a Whittaker smoother with a third-difference penalty. Straight lines and parabolas pass
@@ -328,7 +328,7 @@ def resample_line(xy: Floats, points: int) -> Floats:
 
 @kernel
 def _share_past_crossing(level_before, level_after, crossing_level):  # type: ignore[no-untyped-def]
-    """Return the share (0 … 1) of a step that lies beyond the point where it falls below a level.
+    """Return the share (0 … 1) of a step that lies beyond where the grey level falls below a limit.
 
     It is 1 if the level before the step is no higher. All levels are grey levels.
     """
@@ -341,7 +341,7 @@ def _share_past_crossing(level_before, level_after, crossing_level):  # type: ig
 
 @kernel
 def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
-    """Return the point x, y where a line, extended straight beyond its first end, leaves the fish.
+    """Return where a line, extended beyond its first end, leaves the fish: x, y.
 
     field: (h, w), the difference from the empty tank; xy: (n, 2) px; width: (n,) px, half widths;
     floor: grey level below which differences are noise. The fish ends where the field falls below

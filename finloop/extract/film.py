@@ -174,7 +174,7 @@ def detect_in_clip(
 def _load_or_detect(
     clip: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> Stretch:
-    """Return the detections in successive frames of a clip, loaded if they are stored.
+    """Return the detections in successive frames of a clip: stored ones, or new ones.
 
     span: (start, stop), the frames start … stop − 1.
     """
@@ -285,7 +285,7 @@ class NoTrackError(FinloopError):
 
 
 def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> NoTrackError:
-    """Return the error to raise where no track is long enough; it counts the verdicts."""
+    """Return the error that no track is long enough; it counts the silhouettes by verdict."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
     return NoTrackError(
         f"no fish could be followed for {settings.min_track_frames} frames (silhouettes: {counts})",

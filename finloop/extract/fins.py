@@ -59,7 +59,7 @@ def add_fins_to_alpha(
 
 @kernel
 def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-def]
-    """Return a silhouette's alpha with its fins, and the alpha's upper left pixel x, y in `mask`.
+    """Return a silhouette's alpha with its fins, and where in `mask` its upper left pixel lies.
 
     alpha: of the silhouette alone, whose first pixel is at `corner`, x and y, of the mask; mask,
     field: (h, w), the pale pixels, and the difference from the empty tank; levels: the fish's

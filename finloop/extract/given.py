@@ -71,7 +71,7 @@ class ExternalTracks:
     def find_rows(
         self, frames: NDArray[np.integer], individuals: NDArray[np.integer]
     ) -> NDArray[np.int64]:
-        """Return the row (n,) of each of n pairs of a clip's frame and an animal.
+        """Return the row of each of n animals, each in a given frame of the clip: (n,).
 
         frames, individuals: (n,), numbers of frames and of animals; every pair must have a row.
         """
@@ -92,12 +92,12 @@ class FilmSize(NamedTuple):
 def map_poses_to_clip(
     poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
 ) -> ExternalTracks:
-    """Return another program's poses as tracks, with the rows of each frame of the clip.
+    """Return another program's poses as tracks in the clip: rows sorted by the clip's frames.
 
     Points of low confidence become NaN, and rows without any point are left out. poses: in the
     order of their frames; clip_frames: the film's frame that each frame of the clip shows.
     FinloopError if a named keypoint is missing, no point is confident enough, the frames do not fit
-    film and clip (`_refuse_other_length`), or the places are not in px of the picture.
+    film and clip (`_refuse_unfitting_frames`), or the places are not in px of the picture.
     """
     head = find_keypoint(
         poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint"
@@ -116,8 +116,8 @@ def map_poses_to_clip(
             "points of high confidence",
             "take tracks of a better trained model, or export them without confidences",
         )
-    _refuse_other_length(frame, clip_frames, film)
-    _refuse_other_units(points, film)
+    _refuse_unfitting_frames(frame, clip_frames, film)
+    _refuse_unless_px(points, film)
     unknown = np.full((len(points), 2), np.nan)
     return ExternalTracks(
         names=poses.individuals,
@@ -154,7 +154,7 @@ def find_keypoint(
     )
 
 
-def _refuse_other_length(
+def _refuse_unfitting_frames(
     tracked_frames: NDArray[np.integer], clip_frames: NDArray[np.integer], film: FilmSize
 ) -> None:
     """Raise FinloopError if tracks go on after the film's end, or do not fit the clip.
@@ -181,8 +181,8 @@ def _refuse_other_length(
         )
 
 
-def _refuse_other_units(points: Floats, film: FilmSize) -> None:
-    """Raise FinloopError if positions are not in px: outside the picture, or all in its corner.
+def _refuse_unless_px(points: Floats, film: FilmSize) -> None:
+    """Raise FinloopError if positions are not in px: outside the picture, or all in a corner.
 
     points: (rows, k, 2), the given points of an animal in a row; its place is their mean.
     """
@@ -294,7 +294,7 @@ class ExternalTrackLinker:
     def link_frames(
         self, detections: Iterable[Detections], cuts: Sequence[int] = ()
     ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
-        """Yield for each frame its verdict counts, and the fish of long enough runs.
+        """Yield for each frame the verdict counts, and the fish of tracks that are long enough.
 
         When a run becomes long enough, all its fish until then are yielded. cuts: numbers of frames
         before which the film is cut, and runs end.
@@ -376,7 +376,7 @@ class ExternalTrackLinker:
     def _end_runs(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
-        """End the runs of all animals that are not in `seen`; count fish of too short runs.
+        """End the runs of animals that are not seen in a frame; count fish of short runs.
 
         waiting: fish of runs that are too short so far; running: number of the track of long ones;
         both by animal, and changed.
@@ -388,7 +388,7 @@ class ExternalTrackLinker:
 
 
 def longest_run_frames(given: ExternalTracks) -> int:
-    """Return the largest number of successive frames of the clip that place one animal."""
+    """Return the largest number of successive frames of the clip in which an animal is tracked."""
     frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
     row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
     animal = given.individual[row]
@@ -414,7 +414,7 @@ class SilhouetteFit(NamedTuple):
 
     @property
     def least_share(self) -> float:
-        """Return the least `share` with which tracks are accepted as tracks of this film.
+        """Return the smallest `share` with which tracks are accepted as tracks of this film.
 
         It is midway from `chance` to 1, at most 0.9. Tracks of another film agree by chance alone.
         So do this film's tracks where animals rest, which then must agree nearly always.
@@ -466,7 +466,7 @@ def _have_near_silhouette(
 
 
 def refuse_other_film(tracks: ExternalTracks, fit: SilhouetteFit) -> None:
-    """Raise FinloopError if few positions have a silhouette: the tracks are of another film."""
+    """Raise FinloopError if tracks seem to be of another film: few positions have a silhouette."""
     if fit.share >= fit.least_share:
         return
     film = tracks.film

@@ -30,7 +30,7 @@ from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_ch
 
 
 def find_tracks_path(film: Path, pattern: str) -> str:
-    """Return the path of one film's tracks, where a pattern stands for several films' tracks.
+    """Return the path of one film's tracks, from a pattern for the tracks of several films.
 
     film: its path. pattern: a path in which {folder} and {name} stand for the film's folder
     and its name without ending, and `*`, `?`, `[…]` for unknown parts. FinloopError if it contains
@@ -70,7 +70,7 @@ def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> E
 
 
 def make_pixels_square(poses: Poses, facts: VideoFacts) -> Poses:
-    """Return poses in square px of the clip, from px of the film's file, which may be oblong.
+    """Return poses in the clip's square px; in the film's file px may be oblong.
 
     facts: about the clip, which may be turned: then the file's pixels are as high as they were
     wide.

@@ -72,7 +72,7 @@ _COUNTED = 60  # most silhouettes whose limbs are counted
 def judge_silhouette(
     silhouette: Silhouette, typical: TypicalFish, settings: ExtractSettings
 ) -> Verdict:
-    """Return the verdict "fish" for a silhouette of one isolated fish, else why it is none.
+    """Return the verdict on a silhouette: "fish" if it is one isolated fish, else why not.
 
     Its place, and its size and contrast relative to the typical fish, decide.
     """
@@ -194,7 +194,7 @@ def _measure_with_background(
 
 
 def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
-    """Return the median of values, and half the width of their middle 68 % relative to it.
+    """Return the median of values and their relative spread: half the width of the middle 68 %.
 
     For Gaussian values the second number is the standard deviation divided by the mean.
     """
@@ -275,7 +275,7 @@ def measure_edge_width(silhouette: Silhouette) -> float:
 def _no_fish_error(
     silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> FinloopError:
-    """Return the error for sample frames without an isolated fish, which says why."""
+    """Return the error that no sample frame shows an isolated fish; its message says why."""
     if not silhouettes:
         why = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
     elif all(s.at_border for s in silhouettes):

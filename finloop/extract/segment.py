@@ -97,7 +97,7 @@ class SilhouetteEdge(NamedTuple):
 def find_silhouettes(
     frame: Picture, scene: Scene, arena: Picture, least_area_px: float, edge_rule: SilhouetteEdge
 ) -> Iterator[Silhouette]:
-    """Yield the silhouettes in a frame that have at least an area of `least_area_px` [px²].
+    """Yield the silhouettes in a frame that are at least `least_area_px` [px²] large.
 
     They are searched in each connected patch of pixels that differ from the background.
     scene: its background is as bright as the frame (`match_scene_to_light`); arena: (h, w) uint8,

@@ -134,7 +134,7 @@ class TrackLinker:
         self, before: SilhouettePlace, number: int, silhouettes: list[SilhouettePlace],
         tracks: dict[int, _Track],
     ) -> bool:  # fmt: skip
-        """Return whether a silhouette shrank because another one has separated from it.
+        """Return whether a silhouette shrank because it separated from another one.
 
         before: its place in the frame before; silhouettes: those of this frame, in which it has
         this `number`; tracks: running tracks, by the number of their silhouette in this frame.
@@ -153,7 +153,7 @@ class TrackLinker:
 
 
 def _least_of_others(matrix: Floats) -> Floats:
-    """Return for each entry of a matrix the least other entry in its row."""
+    """Return for each entry of a matrix the least of the other entries in its row."""
     if matrix.shape[1] < 2:
         return np.full_like(matrix, np.inf)
     least, second = np.partition(matrix, 1, axis=1)[:, :2, None].transpose(1, 0, 2)

@@ -30,7 +30,7 @@ def control_points(backbone: Reals) -> Floats:
 
 
 def interpolate_lines(lines: Reals, places: Floats) -> Floats:
-    """Return points (rows, k, 2) at k fractional point numbers along lines (rows, n, 2).
+    """Return the points (rows, k, 2) of lines (rows, n, 2) at k positions, counted in points.
 
     places (k,): counted in points, 0 … n − 1; 2.5 is half way between points 2 and 3.
     """

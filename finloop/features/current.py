@@ -27,7 +27,7 @@ def measure_current(
     places: Reals, heading_deg: Reals, tail: Reals, bend: Reals, tracks: Sequence[slice],
     rate_hz: float,
 ) -> float:  # fmt: skip
-    """Return how fast [body lengths/s] animals swim on the spot against a current; 0 without one.
+    """Return the speed [body lengths/s] at which animals swim against a current; 0 without one.
 
     This is their speed through the water, from how fast and how far the tail beats: fish cruise at
     a Strouhal number of 0.3. They swim on the spot if they stay within half a body length,
@@ -50,7 +50,7 @@ def measure_current(
 
 
 def places_through_water(features: pd.DataFrame) -> Floats:
-    """Return the positions (n, 2) [px] of a feature table's rows as if filmed in still water.
+    """Return positions (n, 2) [px] of all rows as if the fish swam in still water.
 
     With a current (column `current`, body lengths/s), a fish that stays in place is moved ahead by
     the distance that it swims through the water; then only differences within a track have a

@@ -86,7 +86,7 @@ def turn_head_first(lines: Reals, features: pd.DataFrame) -> NDArray[Any]:
 
 
 def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
-    """Return which end of each backbone (rows, n, 2) px another program's head is nearest to.
+    """Return which end of each backbone (rows, n, 2) px another program calls the head.
 
     The result (rows,) is 1 for the first point, −1 for the last, 0 for unknown. head, tail: the
     program's points, (rows, 2) px, NaN where unknown; the nearer end of the backbone is meant.
@@ -105,7 +105,7 @@ def decide_head_end(
     backbone: Reals, half_width: Reals, rate_hz: float, given_head: NDArray[np.int8] | None = None,
     cues: HeadCues = FISH_CUES,
 ) -> tuple[Mask, Floats]:  # fmt: skip
-    """Return whether a track's first backbone point is the head (frames,), and how probably.
+    """Return whether the first backbone point is the head in each frame, and how probably.
 
     Return the decisions (frames,) and their probabilities (frames,). These are judged by the film
     alone: below 0.5, it speaks against the decision of another program. backbone: (frames, n, 2)
@@ -132,7 +132,7 @@ def _median_length(backbone: Reals) -> float:
 
 
 def _width_evidence(half_width: Reals) -> Floats:
-    """Return log odds (frames,) that the first point is the head, as the head is the wider end.
+    """Return log odds (frames,) that the first point is the head, because that end is wider.
 
     half_width: (frames, n) px, along the backbone. The 3/8 of the body at either end are compared,
     without the outermost point.
@@ -144,7 +144,7 @@ def _width_evidence(half_width: Reals) -> Floats:
 
 
 def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
-    """Return log odds (frames,) that the first point is the head, as fish swim head first.
+    """Return log odds (frames,) that the first point is the head, because it travels first.
 
     backbone: (frames, n, 2) px; length_px: body length. A single frame gives 0.
     """
@@ -158,7 +158,7 @@ def _travel_evidence(backbone: Reals, length_px: float) -> Floats:
 
 
 def _stay_odds(backbone: Reals, length_px: float) -> Floats:
-    """Return log odds (frames − 1,) that the two ends do not swap numbers from frame to frame.
+    """Return log odds (frames − 1,) that the first point stays at the same end of the animal.
 
     An end moves little in a frame: its move is Gaussian with the standard deviation `_WANDER`, and
     the result is the difference of both cases' log probabilities. backbone: (frames, n, 2) px;
@@ -171,7 +171,7 @@ def _stay_odds(backbone: Reals, length_px: float) -> Floats:
 
 
 def _most_probable_states(evidence: list[float], stay_odds: list[float]) -> Mask:
-    """Return the most probable mask (frames,) of whether the first point is the head (Viterbi).
+    """Return whether the first point is the head, for each frame (frames,), by Viterbi.
 
     evidence: (frames,) log odds of each frame by itself; stay_odds: (frames − 1,) log odds that the
     ends do not swap in a step. Plain numbers are twenty times as fast here as arrays of two states.

@@ -18,7 +18,7 @@ _PARTS = 4  # least Δ in the longest track: the last one has no motion, and blo
 
 
 def measure_memory_frames(postures: Reals, track: Ints) -> float:
-    """Return the memory of a posture: the lag [frames] after which it is half forgotten.
+    """Return the lag [frames] after which an animal's posture is half forgotten.
 
     At this lag τ, the mean square of posture(t + τ) − posture(t) is half of that between any two
     postures; between whole frames it is interpolated linearly. If it stays below half, the result
@@ -44,7 +44,7 @@ def measure_memory_frames(postures: Reals, track: Ints) -> float:
 def held_out_block_frames(
     block_deltas: float, held_out_share: float, delta_frames: int, frames: Ints, least_frames: int
 ) -> int:
-    """Return the length [frames] of the blocks of time held out to test a prediction.
+    """Return the length [frames] of blocks of time that are held out for a test.
 
     It is `block_deltas` times `delta_frames` (Δ, the time over which motion is measured), but at
     most the share `held_out_share` of the film, or `least_frames` if that is more. frames (n,):
@@ -56,7 +56,7 @@ def held_out_block_frames(
 
 
 def measure_delta_s(bends: Sequence[Reals], rate_hz: float) -> float:
-    """Return Δ [s], the time over which motion is measured, as it fits a film.
+    """Return Δ [s], the time over which motion is measured, chosen for a film.
 
     It is the paper's 0.2 s, but at most half a tail beat, and at most a quarter of the longest
     track. Half a beat is three memories (`measure_memory_frames`). bends: the signed motion

@@ -77,7 +77,7 @@ def summarize_features(features: pd.DataFrame) -> dict[str, float]:
 
 
 def measure_frames_per_beat(features: pd.DataFrame) -> float:
-    """Return how many frames a tail beat lasts, from how the bend changes between frames.
+    """Return how many frames a tail beat lasts, judged by the changes of bend.
 
     A sine of n frames a period differs from the mean of its neighbours by the share
     1 − cos(2π / n) of itself; this share is fitted to all frames with both neighbours, by least
@@ -225,7 +225,7 @@ def compare_heads_with_external(
 
 
 def _mean_line_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the mean distance (rows,) between equal points of lines a and b, (rows, n, 2)."""
+    """Return the mean distance (rows,) of lines a and b (rows, n, 2), point by point."""
     return np.hypot(*(a - b).transpose(2, 0, 1)).mean(1)
 
 
@@ -244,7 +244,7 @@ def _compare_backbones(backbones: np.ndarray, true: pd.DataFrame) -> tuple[Float
 
 
 def _pair_with_truth(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
-    """Return row numbers (2, k): measured fish, and the nearest true fish of its frame.
+    """Return pairs of row numbers (2, k): a measured fish, and the nearest true fish.
 
     Measured fish in frames without a true fish are left out.
     """

@@ -39,7 +39,7 @@ BRISK = TurnThresholds(16.0, 0.04)
 def measure_turn_thresholds(
     headings_deg: Sequence[Reals], bends: Sequence[Reals], delta_frames: int
 ) -> TurnThresholds:
-    """Return a film's change of heading and bend beyond which a motion is a turn.
+    """Return from which change of heading and which bend on a motion is a turn in a film.
 
     headings_deg, bends: of each track (n,), degrees and signed body length²; delta_frames: time Δ
     over which headings change. The thresholds are `BRISK`, lowered for a slower or stiffer fish
@@ -60,12 +60,12 @@ def measure_turn_thresholds(
 
 
 def _upper_tenth(values: Reals) -> float:
-    """Return the limit that a tenth of the values (n,) exceed in size, at least 1e-9."""
+    """Return the limit that a tenth of the values (n,) exceed in absolute value."""
     return max(float(np.quantile(np.abs(values), _SELDOM)), 1e-9)
 
 
 def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floats:
-    """Return the turn score of frames (n,): from 1 on it is a left turn, from −1 down a right turn.
+    """Return the turn score of frames (n,): a left turn from 1 on, a right turn from −1 down.
 
     It is the mean of two ratios: change of heading to its threshold, and bend to its threshold.
     turn_deg (n,): change of heading over the time Δ; bend (n,): signed, body length².
@@ -74,7 +74,7 @@ def turn_score(turn_deg: Reals, bend: Reals, thresholds: TurnThresholds) -> Floa
 
 
 def heading_change(heading_deg: Reals, span_frames: int) -> Floats:
-    """Return the change of heading (frames,) [°] over a span around each frame, + = left.
+    """Return the change of heading (frames,) [°] over a time around each frame, + = left.
 
     heading_deg: (frames,) of one track; span_frames: length of the span. At the ends of the track
     the span is shorter, and the change is scaled up.

@@ -62,12 +62,12 @@ FEATURES = Schema(
 
 
 def delta_in_frames(delta_s: float, rate_hz: float) -> int:
-    """Return Δ, the time over which motion is measured, in whole frames, at least 1."""
+    """Return Δ, given in s, in whole frames, at least 1."""
     return max(1, round(delta_s * rate_hz))
 
 
 def infer_delta_frames(features: pd.DataFrame) -> int:
-    """Return Δ, the time [frames] over which the displacements of a feature table were measured.
+    """Return Δ [frames] with which a feature table was measured.
 
     A displacement needs a frame Δ later, so the last Δ rows of a track have none: the result is the
     largest number of rows without one in a track.
@@ -226,7 +226,7 @@ def choose_turn_thresholds(
     heading_deg: Reals, bend: Reals, tracks: Sequence[slice], delta_frames: int,
     settings: FeaturesSettings,
 ) -> TurnThresholds:  # fmt: skip
-    """Return the change of heading and the bend beyond which a motion is a turn.
+    """Return from which change of heading and which bend on a motion is a turn, by settings.
 
     Each threshold is the number in the settings; if it is "auto" there, it is measured in the film.
     heading_deg (n,): heading of each row of the film, degrees; bend (n,): signed motion area of

@@ -72,7 +72,7 @@ def describe_doubtful_fit(film: GaitContours, rms: float) -> str:
 
 
 def choose_held_out_frames(film: GaitContours) -> list[Mask]:
-    """Return for each fit a mask (frames,) of the frames that are held out of it.
+    """Return one mask (frames,) for each fit: the frames that are held out of it.
 
     In a film of two gait cycles or more that is one cycle for each fit, and an incomplete last one.
     In a shorter film it is every other frame: the even ones in one fit, the odd ones in another.
@@ -119,7 +119,7 @@ def compare_clocks(
 
 
 def _sum_held_out_errors(film: GaitContours, split: float, descriptor: Descriptor) -> pd.DataFrame:
-    """Return squared errors and frame counts of all fits, summed, as rows of `_held_out_errors`.
+    """Return the held-out squared errors of all fits, summed by contour, subcycle and scale.
 
     Fits that fail are skipped; if all fail, the last FinloopError is raised.
     """
@@ -181,7 +181,7 @@ def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
 
 
 def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Return the weight of the first key frame at times tau, (s,), that fits the samples best.
+    """Return the best weights (s,) of the first key frame at times tau, of any falling course.
 
     tau: shares 0-1 of the subcycle's time. The weight may fall from 1 to 0 in any way (isotonic
     regression); it falls evenly in a subcycle without motion or samples.
@@ -240,7 +240,7 @@ def _errors_by_scale(
 def find_turning_coordinates(
     subcycles: Mapping[SubcycleKey, Subcycle], body_length: float
 ) -> pd.DataFrame:
-    """Return a table of coordinates that overshoot a key frame: no γ from −1 to 1 fits them.
+    """Return a table of coordinates that overshoot a key frame, so that no γ from −1 to 1 fits.
 
     f(τ) of the model falls all the way only if |γ| ≤ 1. The γ that fits these coordinates best lies
     beyond, so that they pass a key frame visibly, by LEAST_ERROR or more, and return to it.

@@ -195,7 +195,7 @@ def align_phase_without_symmetry(phase: Floats, foot_x: Floats, split: float) ->
 
 
 def _line_terms(phase: Floats, split: float) -> Floats:
-    """Return each phase's weights (frames, 4) of four key frames, with linear interpolation."""
+    """Return the weights (frames, 4) of the key frames at each phase, by linear interpolation."""
     subcycle, tau = locate_in_subcycle(phase, split)
     terms, row = np.zeros((len(phase), 4)), np.arange(len(phase))
     terms[row, subcycle] = 1 - tau
@@ -204,7 +204,7 @@ def _line_terms(phase: Floats, split: float) -> Floats:
 
 
 def _parabola_fit_error(phase: Floats, foot_x: Floats, split: float) -> float:
-    """Return the squared error of four parabolas, joined at the key frames, fitted to moving feet.
+    """Return the squared error of a fit of feet's motion by parabolas between key frames.
 
     phase (frames,): in cycles; foot_x (frames, k): how far forward k feet are; split: phase of key
     frame 2. The error is summed over frames and feet.

@@ -71,26 +71,26 @@ class GaitContours:
 
     @property
     def layout(self) -> HalfCycleLayout:
-        """Return where contours lie in the second half of the cycle, compared with the first."""
+        """Return how contours lie in the second half of the cycle, compared with the first."""
         return HalfCycleLayout(offsets=self.offsets)
 
     def contours_half_cycle_later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
-        """Return the contours, by id, that follow half a cycle later from the symmetry."""
+        """Return the contours, by id, that symmetry predicts half a cycle later."""
         return contours_half_cycle_later(contours, self.symmetry, self.layout)
 
     def exchange_second_half(self, contours: Mapping[str, Points]) -> dict[str, Points]:
-        """Return contours by id, those in the second half of a cycle replaced by symmetric ones."""
+        """Return contours by id; those in the second half of a cycle are replaced by symmetry."""
         return exchange_second_half(contours, self.phase, self.symmetry, self.layout)
 
     def locate_in_subcycle(self, split: float) -> tuple[Ints, Points]:
-        """Return each frame's subcycle number, and the share of the subcycle that is over.
+        """Return the number of each frame's subcycle, and what share of it is over (0-1).
 
         C counts as A, and D as B, if the film has a symmetry. split: phase of key 2, in cycles.
         """
         return locate_with_symmetry(self.phase, self.symmetry, split)
 
     def add_hidden_limbs(self) -> "GaitContours":
-        """Return the film with a contour of NaN for each limb that no frame shows.
+        """Return the film with a contour of NaN for each limb whose partner alone is shown.
 
         That is a left limb whose right partner is shown, or the other way round; later it follows
         from the partner by symmetry. Films of other symmetries than "swap" are returned unchanged.
@@ -209,7 +209,7 @@ def _interpolate_key(film: GaitContours, key_phase: float) -> dict[str, Points]:
 
 
 def _weights_near_key(offset: Points, shown: Mask, step: float) -> Points:
-    """Return the weights (frames,) of the frames that make up a key frame; their sum is 1 or 0.
+    """Return the weights (frames,) with which frames are averaged to a key frame.
 
     Frames within a width count, from 1 at the key linearly to 0. They give the key as the straight
     line through them that fits best. The width is a frame's step or, if that does not reach frames
@@ -249,7 +249,7 @@ class SubcycleFrames:
 def sort_into_subcycles(
     film: GaitContours, split: float, descriptor: Descriptor
 ) -> dict[SubcycleKey, SubcycleFrames]:
-    """Return a film's frames as wavelet coefficients, by contour and subcycle.
+    """Return a film's frames as wavelet coefficients, sorted by contour and subcycle.
 
     By symmetry, frames in C and D count in A and B with the symmetric pose. split: phase of key 2,
     in cycles; descriptor: how contours become coefficients.
@@ -281,7 +281,7 @@ class Subcycle:
         return gamma_fraction(samples.tau, samples.coefficients, self.start, self.end)
 
     def fit_gammas(self, sharing: Sharing, least_motion: float) -> Points:
-        """Return the fitted gait parameters γ of the limb, its scales, or finer parts.
+        """Return the gait parameters γ that fit the limb, its scales, or finer parts best.
 
         That is (1,) for the limb, (m,) for its m scales from coarse to fine, (n, 1) for its
         coefficients, or (n, 2) for their x and y. least_motion: what moves no more than this (RMS
@@ -312,7 +312,7 @@ class Subcycle:
         return np.asarray(np.sqrt(self._sum_sharers(squares, sharing) / total))
 
     def _sum_sharers(self, parts: Points, sharing: Sharing) -> Points:
-        """Return the sums of values (n, 2), one a coordinate, over the coordinates of each γ.
+        """Return values (n, 2) summed over the coordinates that share one γ.
 
         The result has the shape of `fit_gammas`.
         """
@@ -356,7 +356,7 @@ def _evaluate_two_cubics(tau: Points) -> Points:
 def build_subcycles(
     film: GaitContours, keys: Keys, split: float, descriptor: Descriptor
 ) -> dict[SubcycleKey, Subcycle]:
-    """Return the subcycles of each contour of a film, by contour and letter.
+    """Return all subcycles of a film, by contour and letter.
 
     keys: two key frames, or four without symmetry; split: phase of key 2, in cycles; descriptor:
     how contours become coefficients.
@@ -522,7 +522,7 @@ def _has_foot(name: str) -> bool:
 def _ground_contact_of_walk(
     film: GaitContours, keys: Keys, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return a walk's ground contact: by foot, one span (from, to) of phase, in cycles.
+    """Return when each foot of a walk is on the ground: a span of phase, in cycles, by limb.
 
     In a walk a foot is down from its foremost to its hindmost place; the animal heads for screen
     right. A foot is the point of a limb that is lowest on average.
@@ -539,7 +539,7 @@ def _ground_contact_of_walk(
 
 
 def _ground_contact_in_film(film: GaitContours) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return the ground contact seen in film: by foot, one span (from, to) of phase, in cycles.
+    """Return when each foot is seen on the ground: a span of phase, in cycles, by limb.
 
     A lifted foot may move back, too, as in a gallop. So a foot is down in a frame if it moves back,
     the animal heading for screen right, and is no higher above the ground than a share LOW of the
@@ -570,7 +570,7 @@ def _ground_contact_in_film(film: GaitContours) -> dict[str, tuple[tuple[float, 
 
 
 def _longest_run(mask: Mask) -> tuple[int, int]:
-    """Return start and length of the longest run of True in a periodic mask (frames,).
+    """Return start and length of the longest run of True in a mask that repeats, (frames,).
 
     The mask is neither true nor false everywhere.
     """

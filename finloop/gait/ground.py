@@ -31,7 +31,7 @@ Limbs = Mapping[str, Sequence[str]]
 
 
 class FootPath(NamedTuple):
-    """How a foot moves while it is on the ground once.
+    """How a foot moves in one contact with the ground.
 
     frames (k,): numbers of the frames; displacement (k,): of the foot in x, drawing units.
     """
@@ -143,7 +143,7 @@ def _foot_shift(contours: Sequence[Points], next_contours: Sequence[Points]) -> 
 
 
 def _foot_paths(limbs: Mapping[str, list[Points]], support: Support) -> Paths:
-    """Return, by limb, the path of its foot during each time on the ground.
+    """Return the path of each limb's foot in each of its contacts with the ground.
 
     Limbs that are never on the ground are left out. limbs: contours (frames, n, 2) of one cycle by
     limb; support: spans of phase on the ground by limb.

@@ -25,7 +25,7 @@ CUT = 0.5  # share of the distance between two points that corners may be cut by
 
 
 def find_limbs(drawing: Drawing, gait: Gait) -> dict[str, list[str]]:
-    """Return the ids of each limb's contours, in drawing order, by limb.
+    """Return the ids of the contours of each limb, in drawing order.
 
     The limb of a contour is the first that the gait names of: its id, its groups from the nearest
     outwards. Else it is its nearest group that does not hold the whole drawing, or its own id.
@@ -48,7 +48,7 @@ def find_limbs(drawing: Drawing, gait: Gait) -> dict[str, list[str]]:
 
 
 def name_partners(limbs: Limbs, names: Mapping[str, object]) -> dict[str, str]:
-    """Return new ids, by old id, that show which contours of left and right limbs are partners.
+    """Return new ids of contours, by old id, in which left and right partners differ only by side.
 
     Contours keep ids that say so already, such as `paw_left`. Others are numbered in their limb:
     `fore_left`, `fore_left/2`. names: of all contours. FinloopError if a limb and its partner have
@@ -105,7 +105,7 @@ def join_contours(
 
 
 def _find_carriers(names: Sequence[str], key: Mapping[str, Points]) -> list[tuple[str, str]]:
-    """Return pairs (contour, carrier): the contour that each smaller contour of a limb follows.
+    """Return pairs (contour, carrier): which contour each smaller contour of a limb stays with.
 
     The carrier is the nearest of the largest contour and those listed before. key: contours (n, 2)
     by id.
@@ -132,7 +132,7 @@ def _shifts_to_carrier(
     tau: Floats,
     closed: bool,
 ) -> Points:
-    """Return shifts (frames, n, 2) that keep a contour at the same point of its carrier.
+    """Return shifts (frames, n, 2) that keep a contour at its place on its carrier.
 
     Each point of the contour has a nearest place on the carrier in both keys, and a gap from it.
     Between the keys, place and gap are interpolated, which gives the shift of each point. Averages

@@ -144,7 +144,7 @@ def _mean_centres(regions: Sequence[Sequence[Region]]) -> Floats:
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:
-    """Return a limb's contours (frames, n, 2) in px; point i is the same body point in each.
+    """Return a limb's contours (frames, n, 2) in px, numbered so that point i is one body point.
 
     regions: one for each frame; NaN where a frame has no contour. Points lie at equal distances
     along a contour. Point 0 is the hip or the shoulder: the top of the limb's mean shape, turned
@@ -166,7 +166,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
 
 
 def _find_hips(contours: Complex) -> Ints:
-    """Return each contour's vertex number (frames,) that is the top of the limb's mean shape.
+    """Return the vertex of each contour, (frames,), that is the top of the limb's mean shape.
 
     contours (frames, m): points x + iy, y down, clockwise. The mean shape lies on a contour as it
     fits best, turned and moved: with the greatest |Σ a̅ b| of centred contours a, b, by FFT. No
@@ -226,7 +226,7 @@ def _evaluate_fitted_line(time: Floats, values: Floats, wanted_time: Floats) -> 
 
 
 def _median_contour_width(regions: Sequence[Sequence[Region]]) -> float:
-    """Return the median over frames of the width [px] that all regions span together.
+    """Return the width [px] of all regions together, as the median over frames.
 
     regions: for each id, one for each frame. Only the frames with the most contours count.
     """
@@ -296,7 +296,7 @@ def _refuse_rare_regions(regions: Mapping[str, Sequence[Region]], first: int) ->
 
 
 def _describe_gaps(regions: Sequence[Region], first: int) -> str:
-    """Return in words the frames without a contour, and why: "3-7: empty"; "" if there are none.
+    """Return a text on frames without a contour, and why: "3-7: empty"; "" if there are none.
 
     regions: of one limb, one for each frame; first: number of the first frame.
     """

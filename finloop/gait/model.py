@@ -83,7 +83,7 @@ def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
 
 
 def _check_coefficients(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-    """Return γ of coefficients unchanged; ValueError unless there are 2^k rows of one length."""
+    """Return γ by coefficient unchanged; ValueError unless it has 2^k rows of one length."""
     if len({len(row) for row in rows}) > 1:
         raise ValueError("one γ for some coefficients, and two, x and y, for others")
     _check_power_of_two(len(rows))
@@ -91,7 +91,7 @@ def _check_coefficients(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[floa
 
 
 def _tag_gammas(values: Any) -> str:
-    """Return what the γ in a record belong to: "coefficients" if they are lists, else "scales"."""
+    """Return whether the γ in a record are for "coefficients" (lists) or for "scales"."""
     nested = isinstance(values, list | tuple) and values and isinstance(values[0], list | tuple)
     return "coefficients" if nested else "scales"
 
@@ -174,7 +174,7 @@ class Gait:
 
     @property
     def descriptor(self) -> "Descriptor":
-        """How the gait's contours become wavelet coefficients."""
+        """Return how the gait's contours become wavelet coefficients."""
         return Descriptor(self.wavelet, self.coarse)
 
 
@@ -216,7 +216,7 @@ def _round_floats(content: Any) -> Any:
 
 
 def start_share(tau: Points, gamma: float | Points) -> Points:
-    """Return f(τ) = 1 − (1 + γ)τ + γτ²: a subcycle's weight of the first key frame (§4.2).
+    """Return the weight of a subcycle's first key frame: f(τ) = 1 − (1 + γ)τ + γτ² (§4.2).
 
     The second key frame has the rest. tau: shares 0-1 of the subcycle's time; gamma: the gait
     parameter γ. f falls from 1 at τ = 0 to 0 at τ = 1, evenly if γ = 0. It is monotone if |γ| ≤ 1:
@@ -254,7 +254,7 @@ def gamma_from_fractions(fractions: Iterable[tuple[Points, Points]]) -> float:
 
 
 class Descriptor(NamedTuple):
-    """How contours become wavelet coefficients (§2.2): the wavelet, and the coarsest scale's size.
+    """How contours become wavelet coefficients (§2.2): wavelet, and size of the coarsest scale.
 
     wavelet: its name; coarse: number of coefficients of the coarsest scale, a power of two. Of an
     open contour (not closed) n counts both halves: it is mirrored, and has 2 `coarse`.
@@ -395,7 +395,7 @@ class HalfCycleLayout:
     offsets: Mapping[str, Points] | None = None
 
     def order(self, name: str, count: int) -> Ints:
-        """Return the point numbers (count,) of its twin, in the order of a mirrored contour.
+        """Return the order (count,) in which a mirrored contour takes its twin's points.
 
         By default the order is reversed.
         """
@@ -456,7 +456,7 @@ def four_key_frames(
 def contours_half_cycle_later(
     contours: Mapping[str, Points], symmetry: Symmetry, layout: HalfCycleLayout = HalfCycleLayout()
 ) -> dict[str, Points]:
-    """Return the contours (…, n, 2), by id, that follow half a cycle later from the symmetry.
+    """Return the contours (…, n, 2), by id, that symmetry predicts half a cycle later.
 
     A left limb gets the contour of its right twin, and the other way round; an id without a partner
     is its own twin. symmetry, layout: "swap" moves the twin's contour by the limb's offset;
@@ -490,7 +490,7 @@ def contours_half_cycle_later(
 
 
 def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
-    """Return the subcycle of each phase, 0…3 for A…D, and the share 0–1 of it that is over.
+    """Return the subcycle of each phase, 0…3 for A…D, and what share of it is over (0–1).
 
     phase: in cycles, an array of any shape, which both results have too; split: phase of key 2,
     where A ends. FinloopError unless the split is between 0 and 0.5.
@@ -508,7 +508,7 @@ def locate_in_subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
 
 
 def locate_with_symmetry(phase: Points, symmetry: Symmetry, split: float) -> tuple[Ints, Points]:
-    """Return the same as `locate_in_subcycle`, but by symmetry C counts as A, and D as B.
+    """Return what `locate_in_subcycle` returns, with C counted as A, and D as B, by symmetry.
 
     Without symmetry there are all four.
     """
@@ -572,7 +572,7 @@ def interpolate_subcycles(
 def exchange_second_half(
     contours: Mapping[str, Points], phases: Points, symmetry: Symmetry, layout: HalfCycleLayout
 ) -> dict[str, Points]:
-    """Return contours (frames, n, 2) by id, symmetric images in the second half of the cycle.
+    """Return contours (frames, n, 2) by id; those in the second half are replaced by symmetry.
 
     The symmetric images turn frames of C and D, at the phases (frames,), into such of A and B, and
     back. So C and D are not computed anew: that would differ a little, as the descriptor depends on

@@ -61,7 +61,7 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
 def swim_contours(
     outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS
 ) -> TrackContours:
-    """Return a fish's tail beat, and its contours relative to the body, in body lengths.
+    """Return a fish's tail beat, and its contours in body lengths, relative to its body.
 
     outline_px (frames, m, 2) of consecutive frames, in either direction; backbone_px (frames, k,
     2) head first; n: points of a contour, even. Contours are placed by the fish's place and
@@ -132,7 +132,7 @@ def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
 
 
 def contours_from_snout(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
-    """Return outlines (frames, m, 2) resampled clockwise from the snout: (frames, n, 2) px.
+    """Return outlines (frames, m, 2) as n points, clockwise from the snout: (frames, n, 2) px.
 
     snout_px (frames, 2): point 0 is the point of the outline nearest to it. Points lie at equal
     distances along the outline.
@@ -167,7 +167,7 @@ def body_centres_and_directions(points: Floats, backbone: Floats) -> tuple[Float
 
 
 def move_to_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
-    """Return contours (frames, n, 2), moved and turned: the body at 0, its head towards +x.
+    """Return contours (frames, n, 2) in the frame of the body: it lies at 0 and heads for +x.
 
     centre (frames, 2): place of the body; angle (frames,): its direction, radians from x towards y.
     """
@@ -187,7 +187,7 @@ def contour_asymmetry(points: Floats) -> Floats:
 
 
 def tail_sideways_positions(points: Floats) -> Floats:
-    """Return how far right of the body's axis the tail end is in each frame, (frames,).
+    """Return how far the tail end is to the right of the body's axis, (frames,).
 
     Outlines are relative to the body, x ahead, y to the right, and begin at the snout; the unit is
     theirs. Averaged are the tail end and, on either side of it, a share TAIL of the points.

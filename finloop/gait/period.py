@@ -225,7 +225,7 @@ def remove_beat(values: Floats, phase: Floats) -> Floats:
 
 
 def _harmonic_terms(phase: Floats, count: int) -> Floats:
-    """Return a constant, and cosine and sine of the first harmonics: (frames, 1 + 2 count).
+    """Return a constant, and cosines and sines of a phase's harmonics: (frames, 1 + 2 count).
 
     phase (frames,): in cycles; count: number of harmonics.
     """
@@ -234,7 +234,7 @@ def _harmonic_terms(phase: Floats, count: int) -> Floats:
 
 
 def _cross_validated_share(modes: Floats, phase: Floats, steady: Mask) -> float:
-    """Return the share (0–1) of variance predicted in each steady cycle from all other cycles.
+    """Return the share (0–1) of variance that the other cycles predict in each steady cycle.
 
     modes (frames, m): scores of the principal components; phase (frames,): in cycles; steady
     (frames,): which frames count.
@@ -273,7 +273,7 @@ def _explain_missing_period(modes: Floats, share: Floats, why: str) -> str:
 
 
 def _trace_beat(modes: Floats, frame_rate_hz: float) -> tuple[Floats, Floats]:
-    """Return the beat's phase (frames,) in cycles, and the share of the motion that it explains.
+    """Return the phase (frames,) of a beat, in cycles, and the share of variance that it explains.
 
     The share (frames,) is that of the variance about each frame, 0-1. modes (frames, m): scores of
     the principal modes; frame_rate_hz: frames per second, which cancels but for rounding.
@@ -392,7 +392,7 @@ def _phase_of_frequency_path(
 
 
 def _refine_frequencies(share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
-    """Return each frame's frequency (frames,), refined between the values of `grid`.
+    """Return each frame's best frequency (frames,), found between the values of `grid`.
 
     It is in cycles a frame, as `grid` is, at the top of a parabola through three shares. share
     (frequencies, frames): of the variance that each frequency explains; path (frames,): indices.

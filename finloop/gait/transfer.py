@@ -172,7 +172,7 @@ def _mix_styles_over_cycle(
 
 
 def _rename_curves(drawing: Drawing, new_names: Mapping[str, str]) -> Drawing:
-    """Return a drawing whose contours have new ids; new_names: by old id."""
+    """Return a drawing with new ids of its contours; new_names: by old id."""
     curves = {new_names[name]: drawing.curves[name] for name in new_names}
     styles = {new_names[name]: paint for name, paint in drawing.styles.items()}
     return replace(drawing, curves=curves, styles=styles)
@@ -210,7 +210,7 @@ def repeat_cycle(morph: Morph, cycles: int) -> Morph:
 
 
 def pool_gammas(gait: Gait) -> Gait:
-    """Return a gait that fits contours of any number of points: γ per coefficient become one.
+    """Return a gait for contours of any number of points: one γ in place of γ per coefficient.
 
     A contour with γ per coefficient or coordinate gets one γ (`Gait.limb_gamma`); one with γ per
     scale keeps them. Contours that the gait does not name have the γ of POOLED; if it has none,
@@ -230,7 +230,7 @@ def pool_gammas(gait: Gait) -> Gait:
 
 
 def _standing_offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
-    """Return, by id, how much lower (0, y) a limb stands than its partner in key 1.
+    """Return how much lower (0, y) each limb stands than its partner in key 1, by id.
 
     key1: contours (n, 2) by id, y down. The far limbs of a drawing often stand higher in the
     picture: farther up on the ground.
@@ -260,7 +260,7 @@ def _standing_limbs(gait: Gait, phase: float) -> set[str]:
 def _find_lifted_feet(
     key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]
 ) -> tuple[str, ...]:
-    """Return ids of feet that should stand in key 2 but are drawn above their lifted partners.
+    """Return the ids of feet that stand in key 2 but are drawn above their lifted partners.
 
     key2: contours (n, 2) by id, y down; offsets: how much lower (0, y) a limb stands than its
     partner if both stand. Above means by more than a share LIFT of the partner's height.
@@ -278,7 +278,7 @@ def _find_lifted_feet(
 def _ground_in_widths(
     layers: Mapping[str, Points], support: Support, limbs: Limbs, width: float
 ) -> Ground | None:
-    """Return the ground's speed and slides in widths of the drawing; None if no limb is a foot.
+    """Return the ground's speed and slides, in widths of the drawing; None without feet.
 
     layers: contours (frames, n, 2) by id; support: spans of phase on the ground by limb; limbs: ids
     of the contours by limb; width: of the drawing, px.
@@ -296,7 +296,7 @@ def _ground_in_widths(
 def match_key_poses(
     poses: Sequence[Drawing], symmetry: Symmetry, points: int
 ) -> list[dict[str, Points]]:
-    """Return key poses as contours (points, 2) by id; equal rows are the same point of the body.
+    """Return key poses as contours (points, 2) by id; equal rows are the same body point.
 
     If the symmetry is "swap", so it is in left and right limbs: the one that comes first in the
     drawing numbers the points of both limbs in all poses. points: of every contour. FinloopError if
@@ -322,7 +322,7 @@ def match_key_poses(
 
 
 def _find_usual_turn(reference: Points, others: Sequence[Curve]) -> complex:
-    """Return the mean turn from the reference (n, 2) to other poses, as a unit number x + iy.
+    """Return the mean turn of other curves from the reference (n, 2), as a unit number x + iy.
 
     Both ends of a leg look alike, and between four poses it turns far. So at first the leg counts
     as hanging straight down on average: its uppermost point is above its middle.
@@ -370,7 +370,7 @@ def renumber_curve(reference: Points, curve: Curve, usual_turn: complex | None =
 def mirrored_point_orders(
     key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
 ) -> dict[str, Ints]:
-    """Return, by id, the point order (n,) with which a contour's key poses are mirrored.
+    """Return the point order (n,) with which each contour is mirrored, by id.
 
     key1, key2: contours (n, 2) by id; closed: by id. `gait.model.four_key_frames` mirrors key 1
     into 1' and key 2 into 2' with these orders. They fit 1' to 2 and 2' to 1 best, as the cycle
@@ -388,7 +388,7 @@ def mirrored_point_orders(
 
 
 def _mirrored_point_order(pairs: Sequence[tuple[Points, Points]], closed: bool) -> Ints:
-    """Return the point order (n,) with which mirrored contours fit given others best.
+    """Return the point order (n,) with which a mirrored contour fits another one best.
 
     pairs: a contour (n, 2), and the contour that is mirrored to fit it; closed: whether all are. A
     closed contour is reversed, and may begin at any point; an open one may be reversed.
@@ -409,7 +409,7 @@ def _mirrored_point_order(pairs: Sequence[tuple[Points, Points]], closed: bool) 
 
 
 def _likeness_of_product(z: Complex) -> Points:
-    """Return how alike two contours are after the best turn: |z| + UPRIGHT · Re z.
+    """Return how alike two contours are if one is turned best: |z| + UPRIGHT · Re z.
 
     z is Σ a_i conj(b_i) over the points of both as centred complex numbers. The second part is
     there for contours that look the same turned, such as an eye: they should not turn.

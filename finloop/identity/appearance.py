@@ -35,7 +35,7 @@ _BLOCK = 2_000  # pictures held at once
 def appearance_descriptors(
     measures: Floats, read_pictures: Callable[[Tracks], NDArray[np.float32]], most_components: int
 ) -> Floats:
-    """Return a descriptor (rows, d) of the animal's looks in each row.
+    """Return numbers (rows, d) that describe the animal's looks in each row.
 
     It holds the measures of the body, each scaled to a standard deviation of 1, and principal
     components of the picture, scaled together to 1. measures (rows, m): any units; read_pictures:
@@ -63,7 +63,7 @@ def _standardise(values: Floats) -> Floats:
 def appearance_log_ratios(
     tracks: Sequence[Floats], at_once: TrackPairs, pairs: TrackPairs
 ) -> Floats:
-    """Return log(P of one animal / P of two), (e,), for pairs of tracks, by their looks.
+    """Return how probably pairs of tracks look like one animal: log(P of one / P of two), (e,).
 
     tracks: the descriptors (k, d) of each track's pictures, in the order of time; at_once: pairs of
     tracks with a frame in common, certainly two animals; pairs: those to rate. The ratio is that of
@@ -95,7 +95,7 @@ def appearance_log_ratios(
 def _example_distances(
     tracks: Sequence[Floats], long_tracks: Tracks, at_once: TrackPairs
 ) -> tuple[Floats, Floats]:
-    """Return distances of looks between pairs of surely one animal, (k,), and of surely two, (l,).
+    """Return distances of looks for examples: of one animal (k,), and of two animals (l,).
 
     One animal: the first and the last part of each long track. Two: the first part of one long
     track and the last part of another, for the pairs `at_once`, which have a frame in common.
@@ -118,7 +118,7 @@ def _example_distances(
 def _find_discriminant(
     tracks: Sequence[Floats], numbers: Tracks
 ) -> "LinearDiscriminantAnalysis | None":
-    """Return the directions of descriptor space that distinguish tracks; None for fewer than two.
+    """Return the directions of descriptor space that distinguish tracks best.
 
     tracks: descriptors (k, d) of each; numbers: of those to learn from.
     """
@@ -135,7 +135,7 @@ def _find_discriminant(
 def _mean_descriptors_at_ends(
     tracks: Sequence[Floats], directions: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
-    """Return each track's mean descriptor (n, c) in its first part, and in its last part.
+    """Return the mean descriptors (n, c) of each track's first and last part.
 
     directions: discriminant directions onto which they are projected; None leaves them as they are.
     """

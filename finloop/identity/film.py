@@ -113,7 +113,7 @@ def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.Data
 def measure_trial_gaps(
     evidence: IdentityEvidence, gap_frames: NDArray[np.intp], rng: np.random.Generator
 ) -> Floats:
-    """Return the shares of artificial gaps joined right and wrong, (2,); NaN without gaps.
+    """Return the shares (2,) of artificial gaps that are joined right and wrong.
 
     Every track that is long enough is cut in two: as many frames are removed from its middle as a
     gap of the film has. Then all tracks are joined anew. A gap that stays open counts as neither.
@@ -193,7 +193,7 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
 def _describe_tracks(
     evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]
 ) -> list[Floats]:
-    """Return each track's descriptors (k, d) of its animal's looks, in k of its rows."""
+    """Return descriptors (k, d) of the animal's looks in k rows of each track."""
     reel, p = evidence.reel, evidence.settings
     samples = [spread_rows(rows, p.pictures_per_track) for rows in track_rows]
     sampled_rows = np.concatenate(samples)

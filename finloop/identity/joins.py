@@ -22,7 +22,7 @@ Chains = list[list[int]]
 
 
 class TrackPairs(NamedTuple):
-    """Pairs of tracks by number, a and b (e,); of a pair that may be joined, a is earlier."""
+    """Pairs of tracks, by their numbers a and b (e,)."""
 
     a: Tracks
     b: Tracks
@@ -80,7 +80,7 @@ def find_best_joins(
     tracks: int, pairs: TrackPairs, log_ratio: Floats, stranger_probability: float,
     least_probability: float, rng: np.random.Generator,
 ) -> TrackJoins:  # fmt: skip
-    """Return the most probable joins; a track has at most one predecessor and one successor.
+    """Return the most probable joins between tracks, and the probability of each.
 
     log_ratio (e,): log(probability of one animal / of two), for each of the `pairs`; only these can
     be joined. stranger_probability: that an animal comes or goes. Joins less probable than
@@ -109,7 +109,7 @@ def join_in_passes(
     sure_probability: float,
     find_joins: Callable[[int, TrackPairs, Floats], TrackJoins],
 ) -> TrackJoins:
-    """Return each track's join, found in several passes, the most certain joins first.
+    """Return the joins between tracks, found in several passes, the most certain first.
 
     Tracks that a join of at least `sure_probability` connects are one chain in the next pass: a
     chain shows more of an animal, and fewer ends stay open. The pass that finds no such join is the
@@ -144,7 +144,7 @@ def _chain_tracks(predecessor: Tracks) -> Chains:
 
 
 class _Component(NamedTuple):
-    """Tracks that pairs connect, with their assignment problem as a sparse matrix (m, 2m).
+    """A group of tracks that pairs connect, and its assignment problem as a sparse matrix.
 
     A row is the end of a track. Column k is the start of track k; column m + k stands for the end
     of track k without a join.
@@ -187,7 +187,7 @@ class _JoinSearch:
         ]  # fmt: skip
 
     def find_best(self, score: Floats, alone: Floats) -> Tracks:
-        """Return each track's predecessor (n,), −1 for none, in the best set of joins.
+        """Return each track's predecessor (n,) in the joins with the highest score; −1 is none.
 
         score (e,): of the pairs; alone (2, n): score of each track's end, and of its start, without
         a join.

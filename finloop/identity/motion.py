@@ -59,7 +59,7 @@ def measure_track_ends(frames: list[Reals], places: list[Floats], velocity_steps
 
 
 def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
-    """Return the ends of chains: the start of each first track, and the end of each last one."""
+    """Return where chains begin and end: as their first track begins, and their last one ends."""
     first, last = [chain[0] for chain in chains], [chain[-1] for chain in chains]
     return TrackEnds(
         tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],
@@ -68,7 +68,7 @@ def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
 
 
 def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floats:
-    """Return the mean velocity (2,) from row `first` to row `last`; 0 if they are one."""
+    """Return the mean velocity (2,) of a track from row `first` to row `last`."""
     if len(frames) < 2:
         return np.zeros(2)
     return (places[last] - places[first]) / max(frames[last] - frames[first], 1)
@@ -76,7 +76,7 @@ def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floa
 
 @dataclass(frozen=True)
 class GapDrift:
-    """How far apart the positions predicted from before and from after a gap are."""
+    """How far animals drift in a gap: the mismatch of positions predicted from both sides."""
 
     gaps: Floats  # (k,) lengths in frames, ascending
     mismatch: Floats  # (k,) median distance of the two predictions, body lengths
@@ -85,7 +85,7 @@ class GapDrift:
     velocity_frames: int  # before and after a gap, over which a velocity is measured
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
-        """Return log(P of one animal / P of two), (e,), for the tracks around e gaps.
+        """Return how probable one animal around each of e gaps is: log(P of one / P of two), (e,).
 
         gap_frames (e,): lengths; distance (e,): d between the two predicted places, body lengths.
         The result is log((1 − ε) A m² / (π (m² + d²)²) + ε); the fraction is limited. m is the
@@ -99,7 +99,7 @@ class GapDrift:
 
 
 def measure_drift(tracks: pd.DataFrame) -> GapDrift:
-    """Return how far apart positions predicted from before and from after a gap are.
+    """Return how far animals of a film drift in gaps, measured on artificial gaps.
 
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame. Trial gaps are cut into
     whole tracks; they double from one frame on, while enough tracks are that long. The velocity is
@@ -140,7 +140,7 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
 def _measure_mismatches(
     tracks: pd.DataFrame, velocity_frames: int
 ) -> tuple[list[float], list[float]]:
-    """Return mismatches of positions and lasting shares of velocity, for gaps of 1, 2, 4 … frames.
+    """Return the mismatch of positions, and how much of a velocity lasts, for gaps of each length.
 
     One prediction of the place half way starts before the gap, one after it: the first list has
     their median distances in body lengths. The second has the share (0 to 1) of the velocity before
@@ -170,7 +170,7 @@ def _measure_mismatches(
 
 
 def motion_log_ratios(ends: TrackEnds, drift: GapDrift, pairs: TrackPairs) -> Floats:
-    """Return log(P of one animal / P of two), (e,), for pairs of tracks, by their motion.
+    """Return how probably pairs of tracks move like one animal: log(P of one / P of two), (e,).
 
     In a pair, track b begins after a has ended. The place half way between is predicted from both
     sides, from the end of a and from the start of b.

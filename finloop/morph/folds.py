@@ -32,7 +32,7 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 
 class ContourLayout(NamedTuple):
-    """The numbers of vertices of contours that lie one after the other in an array of vertices.
+    """How contours lie one after the other in an array of vertices: the size of each.
 
     sizes: numbers of vertices of the contours.
     """
@@ -48,7 +48,7 @@ class ContourLayout(NamedTuple):
 
     @property
     def following(self) -> Ints:
-        """Return the number (n,) of the vertex to which each vertex has an edge; −1 for none."""
+        """Return the next vertex (n,) to which each vertex has an edge; −1 for none."""
         following = np.arange(1, sum(self.sizes) + 1)
         ends = np.cumsum(self.sizes)
         following[ends - 1] = ends - self.sizes if self.closed else -1
@@ -56,7 +56,7 @@ class ContourLayout(NamedTuple):
 
 
 def count_contour_folds(stack: Reals, layout: ContourLayout) -> Ints:
-    """Return the exact number (f,) of folds in frames of contours (f, n, 2): edges that meet.
+    """Return the number (f,) of folds of contours (f, n, 2), which is exact: edges that meet.
 
     Edges of two contours count as those of one. Neighbouring edges count if they share more than
     their vertex; an edge of length 0 is a fold, too. FinloopError if a coordinate is not finite, or
@@ -104,12 +104,12 @@ def contours_stay_simple(poses: Reals, layout: ContourLayout) -> bool:
 
 
 def _polygon_layout(stack: Reals, closed: bool) -> ContourLayout:
-    """Return the layout of the one polygon in each frame of an array (…, n, 2)."""
+    """Return the layout of an array that holds one polygon, (…, n, 2)."""
     return ContourLayout((np.shape(stack)[-2] if np.ndim(stack) >= 2 else 0,), closed)
 
 
 def _check_contours(points: Reals, layout: ContourLayout) -> Floats:
-    """Return contours as an array (f, n, 2); FinloopError if their shape or a number is wrong."""
+    """Return contours as an array (f, n, 2); FinloopError if they are malformed."""
     polygons: Floats = np.ascontiguousarray(points, np.float64)
     polygons = polygons[None] if polygons.ndim == 2 else polygons
     least = 2 + layout.closed
@@ -189,7 +189,7 @@ def _orientation_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy:
 
 @kernel
 def _segments_meet(points: Floats, a: int, b: int, c: int, d: int) -> bool:
-    """Return whether edges ab and cd of a polygon share a point, if their boxes overlap.
+    """Return whether edges ab and cd share a point; their bounding boxes must overlap.
 
     points (n, 2): the polygon; a, b, c, d: its rows at the ends of the edges.
     """
@@ -258,7 +258,7 @@ def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 
 @kernel
 def count_folds_unchecked(points: Floats, following: Ints, first_only: bool) -> int:
-    """Return the number of folds of contours (n, 2), whose shape is not checked.
+    """Return the number of folds of contours (n, 2), without a check of their shape.
 
     A fold is a pair of edges that meet: neighbours if they share more than their vertex; or an edge
     of length 0. first_only: stop at the first; the result then only says whether there is one.
@@ -305,7 +305,7 @@ def count_folds_unchecked(points: Floats, following: Ints, first_only: bool) -> 
 
 @kernel
 def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
-    """Return whether vertex v is proved never to touch edge ij while both move between two poses.
+    """Return whether it is proved that vertex v never touches edge ij while all move.
 
     before, after (n, 2): the poses; v, i, j: rows. Let u and w lead from v to i and to j. There is
     no contact while u × w is not 0 or u · w is positive. Both are quadratics in time, with the

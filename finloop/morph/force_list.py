@@ -59,7 +59,7 @@ class FloorForce:
 
 @dataclass(frozen=True)
 class HoldForce:
-    """Holds in place what touches a shape, given by its id, at rest."""
+    """A shape, by its id, that holds in place whatever touches it at rest."""
 
     by: str
 
@@ -82,12 +82,12 @@ _LEAST_ZERO = ("drag", "gust", "strength", "friction")
 
 
 def parse_forces(texts: Sequence[str]) -> tuple[Force, ...]:
-    """Return the forces that texts describe; FinloopError for the first that is none."""
+    """Return the forces that texts describe; FinloopError if one describes none."""
     return tuple(map(parse_force, texts))
 
 
 def parse_force(text: str) -> Force:
-    """Return the force that a text describes, in one of the FORMS; FinloopError if it is none."""
+    """Return the force that a text describes; FinloopError if it has none of the FORMS."""
     kind, _, values = text.partition("=")
     if kind not in KINDS:
         raise _form_error(text, f"{kind!r} is none of {', '.join(KINDS)}")
@@ -139,7 +139,7 @@ def _is_number(word: str) -> bool:
 
 
 def _parse_number(text: str, word: str) -> float:
-    """Return a word of the force `text` as a number; FinloopError if it is none, or too large."""
+    """Return a word of a force's text as a number; FinloopError if it is none, or too large."""
     if not _is_number(word) or not abs(float(word)) <= LARGEST:
         raise _form_error(text, f"{word!r} is no number of size {LARGEST:g} at most")
     return float(word)

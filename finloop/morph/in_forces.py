@@ -146,7 +146,7 @@ def move_drawing(
 
 
 class _Bodies(NamedTuple):
-    """The silhouettes when motion begins and at rest (n, k, 2); piece_of: number by contour."""
+    """The moving silhouettes, when released and at rest (n, k, 2), and the contours they carry."""
 
     start: Floats
     rest: Floats
@@ -180,7 +180,7 @@ def describe_rest(rest_time: float | None) -> str:
 
 
 def _find_scene(drawing: Drawing, forces: Sequence[Force]) -> dict[str, list[Curve]]:
-    """Return the shapes, by id, that forces name; FinloopError for an id that is not there."""
+    """Return the shapes that forces name, by id; FinloopError if there is no such shape."""
     shapes = shape_contours(drawing)
     scene = dict[str, list[Curve]]()
     for force in forces:
@@ -209,7 +209,7 @@ def _without_scene(drawing: Drawing, scene: dict[str, list[Curve]]) -> Drawing:
 
 
 def _pair_pieces(first: dict[str, int], last: dict[str, int]) -> list[int]:
-    """Return the number of the last drawing's piece for each piece of the first.
+    """Return, for each piece of the first drawing, the number of its partner in the last.
 
     FinloopError unless the same contours hang together in both.
     """
@@ -225,7 +225,7 @@ def _pair_pieces(first: dict[str, int], last: dict[str, int]) -> list[int]:
 
 
 def _morph_progress(physics: PhysicalOptions, times: Points) -> Points:
-    """Return how far (f,) contours have morphed in the silhouette, as its slowest mode swings."""
+    """Return which share (f,) of its morph a contour inside a silhouette has made at times (f,)."""
     material = physical_material(physics)
     stiffness = np.array([(2 * np.pi) ** 2 * material.elastic])
     damping = material.mass_damping * (material.density or 1) + (

@@ -56,7 +56,7 @@ class PhysicalOptions(NamedTuple):
 
 
 def physical_material(physics: PhysicalOptions) -> Material:
-    """Return the material of a physical morph; without mass, c itself resists (§3.3)."""
+    """Return the material of the curves in a physical morph."""
     damping, mass = physics.damping, physics.mass
     return Material(
         density=mass,
@@ -205,7 +205,7 @@ def build_morph(
 
 
 def _layout(stacks: Sequence[Points]) -> ContourLayout:
-    """Return the layout of closed contours (f, n, 2) that lie one after the other in one array."""
+    """Return the layout of contours (f, n, 2) in one array, one after the other."""
     return ContourLayout(tuple(stack.shape[1] for stack in stacks))
 
 
@@ -292,7 +292,7 @@ def _measure_lengths(stack: Points) -> Floats:
 
 
 def _hide_points(paint: Paint, lengths: Floats) -> Paint:
-    """Return a paint whose line does not show contours that are as small as points.
+    """Return a paint whose line is not drawn along contours as small as points.
 
     lengths (k,): of a shape's contours, in a frame. Each line begins with a gap that is too small
     to be seen between round ends, in which such a contour lies whole.
@@ -316,7 +316,7 @@ def _find_cut_edges(points: Points, cuts: Points) -> Mask:
 
 
 def _find_start(points: Points, cuts: Points) -> int:
-    """Return the vertex of a closed contour (n, 2) at which its longest uncut stretch begins.
+    """Return the vertex of a closed contour (n, 2) where its longest uncut stretch begins.
 
     cuts (k, 2, 2): their ends. There is room for the line of a hole, which has the same dashes.
     """
@@ -485,7 +485,7 @@ def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
 
 
 def check_physics(physics: PhysicalOptions) -> None:
-    """Raise FinloopError for settings that are not finite, negative, or let the curve drift."""
+    """Raise FinloopError for physical settings that are invalid, or let a curve drift."""
     values = physics._asdict()
     wrong = [f"{name} {value:g}" for name, value in values.items() if not 0 <= value < inf]
     if physics.mass == physics.damping == 0:

@@ -74,7 +74,7 @@ class Pins(NamedTuple):
 def match_curves(
     a: Curve, b: Curve, n: int, resolution: Resolution = FULL, pins: Pins | None = None
 ) -> tuple[Floats, Floats]:
-    """Return two curves as n points each, (n, 2), at equal distances; equal rows correspond.
+    """Return two curves as n points each, (n, 2), evenly spaced; point i of one corresponds to i.
 
     The order of a is kept. b is renumbered, and perhaps reversed, so that the points lie nearest to
     those of a. With pins, closed curves begin at the first pin, and distances are equal between
@@ -93,7 +93,7 @@ def match_curves(
 def match_any_curves(
     a: Curve, b: Curve, n: int, resolution: Resolution = FULL, pins: Pins | None = None
 ) -> tuple[Floats, Floats, bool]:
-    """Return two curves as corresponding points (n, 2), and whether they are drawn as closed.
+    """Return two curves, one perhaps open, as corresponding points (n, 2), and if they are closed.
 
     One may be open and the other closed. FinloopError as in `match_curves`, or if such a pair has
     pins.
@@ -119,7 +119,7 @@ def match_any_curves(
 
 
 def _misfit(first: Floats, second: Floats) -> float:
-    """Return Σ ‖a_i − b_i‖² of two curves (n, 2), each about its mean."""
+    """Return the squared distance of two curves (n, 2), each centred: Σ ‖a_i − b_i‖²."""
     difference = first - second
     return float(((difference - difference.mean(axis=0)) ** 2).sum())
 
@@ -141,7 +141,7 @@ def _double_line(points: Floats) -> Floats:
 
 
 def _cut_ring(line: Floats, ring: Floats) -> tuple[Floats, Floats]:
-    """Return an open curve (n, 2), and a closed one (n, 2), cut open where it fits the first best.
+    """Return an open curve (n, 2), and a closed one cut open (n, 2) so that it fits the first best.
 
     The ends of the cut curve are CUT edges apart.
     """
@@ -158,14 +158,14 @@ def _cut_ring(line: Floats, ring: Floats) -> tuple[Floats, Floats]:
 
 
 def _number_ring_alike(first: Floats, second: Floats) -> Floats:
-    """Return a closed simple polygon (n, 2), renumbered so that it lies nearest to a first one."""
+    """Return a closed polygon (n, 2), renumbered so that its points lie nearest to another's."""
     areas = [signed_area(Curve(points, closed=True)) for points in (first, second)]
     second = second[::-1] if areas[0] * areas[1] < 0 else second
     return np.roll(second, -int(misfit_by_start(first, second).argmin()), axis=0)
 
 
 def _number_points_by_pins(a: Curve, b: Curve, n: int, pins: Pins) -> tuple[Floats, Floats]:
-    """Return two curves as corresponding points, (n, 2) each, of which some lie at the pins."""
+    """Return two curves as n corresponding points, (n, 2) each, with points at the pins."""
     b = _run_alike(a, b, pins)
     places = [_length_shares(curve, side) for curve, side in zip((a, b), pins, strict=True)]
     order = np.argsort(places[0], kind="stable")
@@ -206,14 +206,14 @@ def _run_alike(a: Curve, b: Curve, pins: Pins) -> Curve:
 
 
 def _length_shares(curve: Curve, points: Floats) -> Floats:
-    """Return where on a curve the points nearest to (k, 2) lie, as shares (k,) of its length."""
+    """Return the shares (k,) of a curve's length at which it is nearest to points (k, 2)."""
     along = _lengths(curve)
     places, _ = nearest_on_curve(points, curve)
     return np.asarray(np.interp(places, np.arange(len(along)), along) / along[-1])
 
 
 def _points_at(curve: Curve, shares: Floats) -> Floats:
-    """Return the points (n, 2) at shares (n,) of a curve's length; a closed one repeats after 1."""
+    """Return the points (n, 2) of a curve at shares (n,) of its length."""
     along, points = _lengths(curve), curve.points
     points = np.concatenate([points, points[:1]]) if curve.closed else points
     marks = along[-1] * (shares % 1.0 if curve.closed else shares)
@@ -221,14 +221,14 @@ def _points_at(curve: Curve, shares: Floats) -> Floats:
 
 
 def _lengths(curve: Curve) -> Floats:
-    """Return a curve's length from its start up to each point, and round to the start if closed."""
+    """Return the length of a curve up to each of its points; if closed, also the whole length."""
     points = curve.points
     points = np.concatenate([points, points[:1]]) if curve.closed else points
     return np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
 
 
 def _whole_parts(shares: Floats, total: int) -> Ints:
-    """Return whole numbers (k,) ≥ 1 with the sum total, about in proportion to shares (k,)."""
+    """Return whole numbers (k,) ≥ 1 that sum to total, in proportion to shares (k,)."""
     wanted = (total - len(shares)) * shares / shares.sum()
     parts = np.floor(wanted).astype(np.int64)
     missing = total - len(shares) - int(parts.sum())
@@ -237,7 +237,7 @@ def _whole_parts(shares: Floats, total: int) -> Ints:
 
 
 def _marks_along(widths: Floats, counts: Ints, with_end: bool) -> Floats:
-    """Return positions that divide each of k spans evenly; widths, counts (k,): of the spans."""
+    """Return marks that divide each of k spans into equal parts; widths, counts (k,): of spans."""
     lows = np.r_[0.0, np.cumsum(widths)[:-1]]
     marks = [low + width * np.arange(count) / count
              for low, width, count in zip(lows, widths, counts, strict=True)]  # fmt: skip
@@ -274,7 +274,7 @@ def _number_points_alike(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
 
 
 def misfit_by_start(first: Floats, second: Floats) -> Floats:
-    """Return how badly polygon b, started at each point s, fits a: Σ_i ‖a_i − b_{i+s}‖², (n,).
+    """Return how badly polygon b fits a, for each first point s: Σ_i ‖a_i − b_{i+s}‖², (n,).
 
     first, second (n, 2): closed polygons a, b, which are centred first.
     """

@@ -99,7 +99,7 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 def load_pairing(path: Path) -> Pairing:
-    """Return the pairs in a YAML file of the form FORM; FinloopError if it has another form."""
+    """Return the pairs that a YAML file gives; FinloopError if it has not the form FORM."""
     try:
         text = path.read_text(encoding="utf-8")
         values: Any = yaml.load(text, _StrictLoader) or {}
@@ -205,7 +205,7 @@ def pair_shapes(a: Drawing, b: Drawing, given: Pairing | None = None) -> Pairing
 
 
 def _parts_by_id(name: str, others: Sequence[str]) -> list[str]:
-    """Return ids, two or more, that begin with a shape's id: eye_left and eye-2 for eye."""
+    """Return the ids of parts of a shape, two or more: eye_left and eye-2 are parts of eye."""
     part = re.compile(re.escape(name) + r"[^a-z].*", re.DOTALL)
     parts = [other for other in others if part.fullmatch(other)]
     return parts if len(parts) > 1 else []
@@ -217,7 +217,7 @@ def _parts_by_place(
     pairs: Mapping[str, str],
     left: Sequence[str],
 ) -> dict[str, list[str]]:
-    """Return, by a shape's id, the shapes without a partner that are further parts of its partner.
+    """Return unpaired shapes that are further parts of a shape's partner, by the shape's id.
 
     whole, parts: drawings and their shapes; pairs: from whole to parts; left: ids of parts. They
     have the fill of the partner, lie beside it, and together they fill the place of the whole.
@@ -301,7 +301,7 @@ def _require_shapes(shapes: Iterable[str], names: Sequence[str], which: str) -> 
 def _pair_costs(
     first: Sequence[Sequence[Curve]], second: Sequence[Sequence[Curve]], side: float
 ) -> Floats:
-    """Return how badly each two shapes fit (n, m): by place, size, and form of the largest contour.
+    """Return how badly shapes fit each other, (n, m): by place, size, and form.
 
     side: of the picture. Infinite if one shape is open and the other closed.
     """
@@ -325,7 +325,7 @@ def _pair_costs(
 def _measure_shapes(
     shapes: Sequence[Sequence[Curve]],
 ) -> tuple[Complexes, Floats, Complexes, list[str]]:
-    """Return mean (n,), size (n,), form (n, POINTS) and kind of each shape's largest contour.
+    """Return mean, size, form and kind of the largest contour of each shape.
 
     Means and forms are complex, x + i y. A form has mean 0 and size 1 (RMS radius), and a closed
     one runs clockwise. A kind says whether contours are open or closed.
@@ -374,7 +374,7 @@ class _Row(NamedTuple):
 
 
 def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Drawing]:
-    """Return two drawings with the shapes and ids of the first, as `morph_drawings` takes them.
+    """Return two drawings with shapes of the same ids, ready for `morph_drawings`.
 
     A shape that vanishes is in the second as small as a point, one that appears in the first. It
     lies above the shape that is below it in the second drawing. A shape that becomes several is cut
@@ -523,7 +523,7 @@ def _join_lines(
 
 
 def _take_side(drawing: Drawing, other: Drawing, rows: Sequence[_Row], side: int) -> Drawing:
-    """Return one of two drawings with the shapes of all rows; those that it lacks are points.
+    """Return one of two drawings with the shapes of all rows; a shape that it lacks is a point.
 
     side: 0 for the first drawing, 1 for the second.
     """
@@ -550,7 +550,7 @@ def _take_side(drawing: Drawing, other: Drawing, rows: Sequence[_Row], side: int
 
 
 def _unused_name(name: str, used: Collection[str]) -> str:
-    """Return a name that is not used yet: the given one, or that with a number."""
+    """Return the name, or if it is used already, the name with a number."""
     number, unique = 1, name
     while unique in used:
         number += 1
@@ -564,5 +564,5 @@ def _find_middle(contours: Sequence[Curve]) -> Points:
 
 
 def _shrink(curve: Curve, middle: Points) -> Curve:
-    """Return a curve shrunk to about a point: scaled by POINT about a centre (2,)."""
+    """Return a curve shrunk to nearly a point at a centre (2,)."""
     return Curve(middle + (curve.points - middle) * POINT, curve.closed)

@@ -23,7 +23,7 @@ MOST_PIECES = 100
 
 @dataclass(frozen=True)
 class DrawingPieces:
-    """The silhouettes of a drawing's pieces, closed, and the piece of each contour by id."""
+    """The pieces of a drawing: closed silhouettes, and the piece of each contour by id."""
 
     silhouettes: tuple[Curve, ...]
     piece_of: dict[str, int]
@@ -73,7 +73,7 @@ def find_pieces(drawing: Drawing) -> DrawingPieces:
 def _piece_at(
     labels: np.ndarray, pixel: np.ndarray, rank: Mapping[int, int], largest: Mapping[int, Points]
 ) -> int:
-    """Return the number of the piece that a pixel (2,) belongs to, also in a hole of a piece."""
+    """Return the number of the piece at a pixel (2,), or of the piece around it."""
     label = int(labels[pixel[1], pixel[0]]) - 1
     if label in rank:
         return rank[label]
@@ -92,7 +92,7 @@ def _line_width(drawing: Drawing, name: str) -> float:
 
 
 def mean_value_weights(points: Floats, polygon: Floats) -> Floats:
-    """Return weights (m, n) that express points (m, 2) by the corners of a polygon (n, 2).
+    """Return the weights (m, n) of a polygon's corners (n, 2) that give points (m, 2) as means.
 
     Each row sums to 1, and `weights @ polygon` is `points`. w_i = (tan(α_{i−1}/2) + tan(α_i/2)) /
     r_i, where r_i is the distance of corner i, and α_i the angle under which edge i is seen.

@@ -33,7 +33,7 @@ PinsOfPair = Callable[[Curve, Curve], Pins | None]
 
 
 def no_pins(_a: Curve, _b: Curve) -> None:
-    """Return no pins, whichever contours are given."""
+    """Return no pins, for any two contours."""
 
 
 class Region(NamedTuple):
@@ -44,7 +44,7 @@ class Region(NamedTuple):
 
 
 def split_regions(contours: Sequence[Curve]) -> list[Region]:
-    """Return the regions, outer contour and holes, that closed contours enclose, largest first.
+    """Return the regions (outer contour and holes) that closed contours enclose, largest first.
 
     By the even-odd rule a contour within an odd number of others is a hole, of the smallest region
     around it; any other one begins a region. FinloopError if there is no contour, or one of them is
@@ -138,7 +138,7 @@ def match_regions(
     resolution: Resolution = FULL,
     pins: PinsOfPair = no_pins,
 ) -> tuple[list[Points], list[Points]]:
-    """Return the contours of two regions, outer ones first, as corresponding points (points, 2).
+    """Return the contours of two regions as corresponding points (points, 2), outer ones first.
 
     Holes are paired by their places in the outer contours' boxes, so that the sum of distances is
     least. A hole without a partner gets one as small as a point, at that place of the other region
@@ -168,7 +168,7 @@ def match_regions(
 
 
 def _nearest_pairs(places: Points, other_places: Points) -> list[tuple[int, int]]:
-    """Return pairs of rows of positions (k, 2) and (m, 2) with the least sum of distances."""
+    """Return which positions (k, 2) and (m, 2) are paired so that distances sum to the least."""
     distances = np.hypot(*(places[:, None] - other_places).transpose(2, 0, 1))
     rows, columns = scipy.optimize.linear_sum_assignment(distances)
     return list(zip(rows.tolist(), columns.tolist(), strict=True))

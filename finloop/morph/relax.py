@@ -21,7 +21,7 @@ FLAT = 1e-9  # area of a triangle, as a share of its shape's, that counts as non
 
 
 def find_relaxing_moves(stack: Points, layout: ContourLayout) -> Points | None:
-    """Return displacements (f, n, 2) that make frames of closed contours (f, n, 2) less distorted.
+    """Return displacements (f, n, 2) that make frames of closed contours less distorted.
 
     The first and the last frame stay. Nothing keeps the moved contours from folding. None if the
     contours are too fine for triangles between COARSE points of each.
@@ -66,7 +66,7 @@ def find_relaxing_moves(stack: Points, layout: ContourLayout) -> Points | None:
 
 
 def _blend_stretches(gradients: Complex, other: Complex, tau: Floats) -> tuple[Floats, Complex]:
-    """Return the turning and mirroring parts (t, k) of each triangle's stretch at shares tau (k,).
+    """Return how triangles are stretched at shares tau (k,): turning and mirroring parts (t, k).
 
     gradients (t, n): of a shape; other (n,): its vertices in the other shape. The stretch S of each
     triangle grows evenly, from none to that of the other shape: (1 − τ) I + τ S.
@@ -85,7 +85,7 @@ def _relax_places(
     turning_goals: Floats,
     mirroring_goals: Complex,
 ) -> Complex:
-    """Return the positions (n, k) of vertices in k frames after one step to lower energy.
+    """Return the vertices (n, k) of k frames after a step that lowers their energy.
 
     gradients (t, n): see `_shape_gradients`; areas (t,): of triangles; weights (t, k): their areas
     times the weight of their shape in a frame; goals (t, k): stretches, up to a rotation. The

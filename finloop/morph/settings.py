@@ -12,7 +12,7 @@ from finloop.morph.force_list import parse_forces
 
 @dataclass(frozen=True)
 class MorphSettings:
-    """Parameters of `morph`: which drawings, how one becomes the other, how that is filmed."""
+    """Parameters of `morph`: the drawings, how one becomes the other, and the film of that."""
 
     first_drawing: str
     last_drawing: str

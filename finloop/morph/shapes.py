@@ -16,7 +16,7 @@ def match_shapes(
     a: Sequence[Curve], b: Sequence[Curve], points: int, resolution: Resolution = FULL,
     pins: Pins | None = None, strict: bool = True,
 ) -> list[tuple[Points, Points, ContourLayout]]:  # fmt: skip
-    """Return the contours of two shapes as corresponding points (n, 2), for each separate part.
+    """Return the contours of two shapes as corresponding points (n, 2), part by part.
 
     A part is one contour, or a region: its outer contour and its holes, side by side. strict:
     whether contours that meet are refused; else they pair in their order, as open ones do.
@@ -58,10 +58,10 @@ def _pair_parts(
 
 
 class _PinnedContours:
-    """The pins of two shapes, sorted by the two contours that each pin joins."""
+    """The pins of two shapes, with the two contours that each pin joins."""
 
     def __init__(self, a: Sequence[Curve], b: Sequence[Curve], pins: Pins | None) -> None:
-        """Find the contour nearest to either end of each pin."""
+        """Find the contours that are nearest to the two ends of each pin."""
         self._pins = pins or Pins(np.zeros((0, 2)), np.zeros((0, 2)))
         self._contours = [
             [_nearest_contour(place, curves) for place in side]

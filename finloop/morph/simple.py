@@ -65,7 +65,7 @@ NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between
 def morph_without_folds(
     a: Curve, b: Curve, frames: int, points: int, resolution: Resolution = FULL
 ) -> Points:
-    """Return a morph (frames, points, 2) of curve a into b in which no frame crosses itself.
+    """Return a morph (frames, points, 2) between two curves in which no frame crosses itself.
 
     The ends are a and b, resampled, at a resolution. FinloopError if one curve is open and the
     other closed, if a curve, resampled, meets itself, or if its parts are too near each other.
@@ -81,7 +81,7 @@ def morph_regions_without_folds(
     points: int,
     resolution: Resolution = FULL,
 ) -> list[Points]:
-    """Return the morph (frames, points, 2) of each contour of a shape into another, without folds.
+    """Return a morph between two shapes without folds: (frames, points, 2) for each contour.
 
     a, b: the closed contours of the shapes, in any order: regions, each one contour and its holes.
     The result has the regions one after the other, the outer contour of each first. In no frame
@@ -133,13 +133,13 @@ def morph_contours(
 
 
 def path_lengths(poses: Points) -> Points:
-    """Return the mean distance (k,) that vertices have moved up to each of the poses (k, n, 2)."""
+    """Return how far vertices have moved, on average, up to each of the poses (k, n, 2): (k,)."""
     steps = np.hypot(*np.moveaxis(np.diff(poses, axis=0), 2, 0)).mean(axis=1)
     return np.r_[0.0, np.cumsum(steps)]
 
 
 def _find_simple_path(first: Points, second: Points, layout: ContourLayout, pinned: bool) -> Points:
-    """Return poses (k, n, 2) from contours (n, 2) to others; straight motion between has no fold.
+    """Return poses (k, n, 2) between contours (n, 2), with straight motion without folds.
 
     Both are simplified step by step, and the path is the shortest one on which a straight motion
     joins a pose of each. If none can be joined, it leads through the last, simplest ones. pinned:
@@ -163,7 +163,7 @@ def _find_simple_path(first: Points, second: Points, layout: ContourLayout, pinn
 
 
 def _candidate_starts(a: Points, b: Points) -> list[int]:
-    """Return the vertices of polygon b that may correspond to vertex 0 of a: 0, and the best fits.
+    """Return the points of polygon b that may correspond to point 0 of a.
 
     a, b (k, n, 2): poses of both, simplified step by step. A fit is a local minimum of the misfit.
     """
@@ -196,7 +196,7 @@ def _find_shortest_path(
     possible = length < limit
 
     def try_to_join(i: int, j: int) -> bool:
-        """Return whether poses a_i and b_j can be joined; else rule out less simplified pairs."""
+        """Return whether poses a_i and b_j can be joined without folds."""
         if _straight_motion_is_simple(a[i], b[j], layout.following):
             return True
         possible[: i + 1, : j + 1] = False
@@ -293,7 +293,7 @@ def _frames_along_path(poses: Points, frames: int, layout: ContourLayout) -> Poi
 
 
 def _relax_frames(stack: Points, layout: ContourLayout) -> Points:
-    """Return less distorted frames (f, n, 2) of closed contours that still have no fold.
+    """Return frames (f, n, 2) of closed contours with less distortion, still without folds.
 
     They have the largest of the shares RELAX of the moves to shapes as rigid as possible.
     """
@@ -360,7 +360,7 @@ def _has_simple_motion(stack: Points, layout: ContourLayout) -> bool:
 
 
 def _smooth_contour(points: Points, closed: bool) -> Points:
-    """Return a smooth polygon (n, 2): each edge becomes a mean of the edges within about REACH.
+    """Return a smoothed polygon (n, 2): each edge becomes a mean of neighbouring edges.
 
     The mean of the vertices stays. points (n, 2): the polygon; closed: whether it is.
     """
@@ -396,7 +396,7 @@ def _resize_contours(points: Points, outer: slice, area: float) -> Points:
 
 
 def round_off_contours(points: Points, layout: ContourLayout) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) from closed contours to round ones, and whether these were reached.
+    """Return poses (k, n, 2) that round off closed contours, and whether they become round.
 
     The steps are curve shortening of all contours at once, which keeps them apart. All poses have
     the same area within the first contour. A hole shrinks until it is small; from then on it keeps
@@ -442,7 +442,7 @@ def _edge_lengths(points: Points) -> Floats:
 
 
 def _are_small_and_round(pose: Points, holes: Sequence[slice], least: Floats) -> bool:
-    """Return whether all holes of a pose (n, 2) are round, of areas not much above least (h,)."""
+    """Return whether all holes of a pose (n, 2) are round, and not much larger than least (h,)."""
     for hole, least_area in zip(holes, least, strict=True):
         area = abs(signed_area(Curve(pose[hole], closed=True)))
         length = _edge_lengths(pose[hole]).sum()
@@ -474,7 +474,7 @@ def _implicit_step(points: Points, step: float) -> Points:
 
 
 def cut_ears(points: Points) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) from a simple polygon to a triangle, and whether that was reached.
+    """Return poses (k, n, 2) that turn a simple polygon into a triangle, and whether they do.
 
     Each step straightens one corner (an "ear") and restores the area, so k is n − 2. Only rounding
     can stop the method before the triangle.
@@ -504,7 +504,7 @@ def cut_ears(points: Points) -> tuple[Points, bool]:
 
 
 def straighten_curve(points: Points) -> tuple[Points, bool]:
-    """Return poses (k, n, 2) from an open simple curve to a line, and whether it was reached.
+    """Return poses (k, n, 2) that turn an open curve into a line, and whether they do.
 
     A line is a curve whose edges all run within 45° of its chord. The poses are ever shorter parts
     about the curve's middle, enlarged to its length.
@@ -579,7 +579,7 @@ def _join_simplified_contours(first: Points, second: Points, layout: ContourLayo
 
 
 def _disc(polygon: Points) -> Floats:
-    """Return centre x, y and radius, (3,), of a disc at a polygon's centroid with its area."""
+    """Return centre x, y and radius, (3,), of the disc that has a polygon's area and centroid."""
     area = abs(signed_area(Curve(polygon, closed=True)))
     return np.array([*area_centroids(polygon), np.sqrt(area / np.pi)])
 

@@ -49,7 +49,7 @@ def split_region(region: Region, goals: Sequence[Region], overlap: float = 0.0) 
     parts = dict[int, _Part]()
 
     def cut_part(part: _Part, wanted: Sequence[int]) -> None:
-        """Cut a part in two, again and again, until each of the wanted goals has a part."""
+        """Cut a part until each of the wanted goals has a piece."""
         if len(wanted) == 1:
             parts[wanted[0]] = part
             return
@@ -105,7 +105,7 @@ def _centre(region: Region) -> Points:
 
 
 def _cut_in_two(part: _Part, share: float, direction: Points) -> tuple[_Part, _Part]:
-    """Return the two sides of a part, cut along the chord that fits share and direction best.
+    """Return the two sides of a part, cut along the best chord.
 
     share: of the area that the first side gets; direction (2,): from the first to the second.
     """
@@ -153,7 +153,7 @@ def _mark_outline(part: _Part) -> tuple[_Part, list[int]]:
 
 
 def _sides_of_chords(marks: Points) -> tuple[Floats, Points, float]:
-    """Return area (n, n) and centre (n, n, 2) of the side i … j of each chord, and the whole area.
+    """Return area (n, n) and centre (n, n, 2) of one side of each chord i j, and the whole area.
 
     marks (n, 2): of an outline. Areas have the sign of the whole.
     """
@@ -175,14 +175,14 @@ def _sides_of_chords(marks: Points) -> tuple[Floats, Points, float]:
 
 
 def _is_chord_inside(ends: Points, part: _Part) -> bool:
-    """Return whether a chord, its ends (2, 2) on the outline, stays in a part, off its holes."""
+    """Return whether a chord, its ends (2, 2) on the outline, lies inside a part and in no hole."""
     inner = ends.mean(axis=0) + (ends - ends.mean(axis=0)) * (1 - 1e-6)
     contours = [part.outline, *(hole.points for hole in part.holes)]
     start = np.concatenate(contours)
     end = np.concatenate([np.roll(contour, -1, axis=0) for contour in contours])
 
     def side(a: Points, b: Points, c: Points) -> Floats:
-        """Return on which side of the line a → b point c lies, by sign."""
+        """Return a number whose sign says on which side of the line a → b point c lies."""
         return np.asarray(
             (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1])
             - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
@@ -208,7 +208,7 @@ def _take_side(part: _Part, first: int, last: int) -> _Part:
 
 
 def _as_piece(part: _Part, whole: Curve, overlap: float) -> Piece:
-    """Return a part as a piece that reaches beyond its cuts by overlap; whole: region's outline."""
+    """Return a part of a region as a piece that reaches beyond its cuts by `overlap`."""
     outline, is_cut = part.outline, part.is_cut
     edges = np.roll(outline, -1, axis=0) - outline
     before = np.roll(edges, 1, axis=0)

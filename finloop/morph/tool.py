@@ -91,7 +91,7 @@ def _write_morph(options: argparse.Namespace) -> str:
 
 
 def _curve_options(options: argparse.Namespace) -> tuple[Resolution, PhysicalOptions]:
-    """Return the resolution and the material that the command line's options ask for."""
+    """Return the resolution and the physical settings that the command line's options give."""
     return Resolution(options.level, options.wavelet or FULL.wavelet), PhysicalOptions(
         options.elastic, options.damping, options.mass, options.stiffness_damping
     )

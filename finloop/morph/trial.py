@@ -118,14 +118,14 @@ def _pack(content: bytes) -> str:
 
 
 class _Geometry:
-    """Stores the page's coordinates as whole steps of a grid, each frame minus the one before."""
+    """All coordinates of the trial page, as whole steps of a grid."""
 
     def __init__(self, grid: float) -> None:
         """Start without coordinates; grid: size of a step, in units of the drawing."""
         self.grid, self.size, self.parts = grid, 0, list[bytes]()
 
     def add(self, stack: Sequence[np.ndarray]) -> Json:
-        """Store contours, (f, n, 2) each; return where they are stored and in how many frames.
+        """Store contours, (f, n, 2) each; return where they begin and how many frames they have.
 
         Frames that are evenly between the first and the last are left out: the page blends.
         """
@@ -226,7 +226,7 @@ def _take_shape(drawing: Drawing, shape: str | None) -> Drawing:
 
 
 def _list_paints(morph: Morph) -> list[Json]:
-    """Return the paint of a morph's only shape in every frame, or one if all are equal."""
+    """Return the paint of a morph's only shape in each frame; one paint if all are equal."""
     paints = [_paint_values(shape.paint) for shape in painted_frames(morph)[0]]
     return paints[:1] if all(paint == paints[0] for paint in paints) else paints
 

@@ -40,7 +40,7 @@ class PosedPicture:
         self, pixels: Picture, source: PlacedBackbone, target: PlacedBackbone, mirrored: bool,
         sharp: bool = True,
     ) -> None:  # fmt: skip
-        """Prepare to draw a picture (h, w, c), 0 … 255, premultiplied, in another pose.
+        """Prepare a picture (h, w, c), 0 … 255, premultiplied, to be drawn in another pose.
 
         source, target: the animal's backbone in it and in the new picture. mirrored, sharp: as in
         `DrawingMode`.
@@ -52,7 +52,7 @@ class PosedPicture:
         self.box: tuple[int, int, int, int] = self._plan.box
 
     def draw_part(self, box: tuple[int, int, int, int]) -> Premultiplied:
-        """Return one box of the new picture: (bottom - top, right - left, c), 0 … 1.
+        """Return a rectangle of the new picture, (h, w, c), premultiplied, 0 … 1.
 
         box: its rows and columns [px], half open: top, left, bottom, right.
         """

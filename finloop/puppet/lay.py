@@ -73,7 +73,7 @@ class StripLayout(NamedTuple):
 def plan_strips(
     film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, mode: DrawingMode
 ) -> StripLayout:
-    """Return the plan to draw a film's picture along another backbone: strips, widths, box.
+    """Return how a film's picture is drawn along another backbone: which strip, where, how wide.
 
     The width of a step is how far the animal is visible there; on the inner side of a sharp bend of
     the new pose it is only as far as there is room.
@@ -108,7 +108,7 @@ def plan_strips(
 
 @finite_leaf
 def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
-    """Return the least length [px], left or right, of the two sections that bound step i.
+    """Return the shorter length [px], left or right, of the two sections around step i.
 
     limits: as in `Strip`.
     """
@@ -183,7 +183,7 @@ def _section_at(strip, i):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
-    """Return the x range [px] of a row of pixels that lies between two sections.
+    """Return between which x [px] a row of pixels lies between two sections.
 
     front, rear: the sections that bound a step, the front one nearer to the head. Bounds are
     ±HIDDEN where a section is parallel to the row.
@@ -365,7 +365,7 @@ def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
 
 
 class CandidatePairs(NamedTuple):
-    """Pairs (k,) of pictures, sorted by their first one, then by their least cost.
+    """Pairs (k,) of pictures that may be similar, sorted by their first one, then by cost.
 
     first, second: numbers of the pictures; mirrored: whether the second is mirrored.
     """
@@ -389,7 +389,7 @@ class PictureSet(NamedTuple):
 
 @finite_kernel
 def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask) -> Floats:
-    """Return the difference (k,) of pairs of pictures when both are drawn in one pose (Eq. 5).
+    """Return how different pairs of pictures look, (k,), when both are drawn in one pose (Eq. 5).
 
     The distance is Euclidean, of pixels 0 … 1. The others are drawn in the postures of `rows`,
     mirrored (k,) or not. If a picture is nearer as filmed, that distance counts.
@@ -403,7 +403,7 @@ def distances_in_pose(film: PictureSet, rows: Ints, others: Ints, mirrored: Mask
 
 @finite_kernel
 def nearest_in_pose(film: PictureSet, pairs: CandidatePairs, unit: float, count: int) -> Floats:
-    """Return the difference (k,) in one pose of each picture's cheapest pairs; −1 for others.
+    """Return how different pictures look in one pose, (k,), for the best pairs only; else −1.
 
     The distance is that of `distances_in_pose`. It is −1 for pairs that cannot be among the `count`
     cheapest of their first picture. A pair costs its least cost plus (distance / unit)².
@@ -433,7 +433,7 @@ def nearest_in_pose(film: PictureSet, pairs: CandidatePairs, unit: float, count:
 
 @finite_kernel
 def _distance_in_pose(film, row, other, mirrored, canvas):  # type: ignore[no-untyped-def]
-    """Return the Euclidean distance of two pictures, the second in the pose of the first (Eq. 5).
+    """Return how different two pictures look, the second drawn in the pose of the first (Eq. 5).
 
     film: `PictureSet`; canvas: (s, s, c), overwritten. If the second is nearer as filmed (mirrored,
     if so), that distance counts.

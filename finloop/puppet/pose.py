@@ -22,7 +22,7 @@ _AHEAD, _LEFT, _STEPS = 0, 1, 2
 
 @dataclass(frozen=True)
 class Pose:
-    """Poses of animals: position, heading, size, and posture (how the body is bent).
+    """One pose or several: position, heading, size and posture (how the body is bent) of animals.
 
     All fields may be arrays with the leading axes (…). x_px, y_px: (…) mass centre, y down.
     heading_rad: (…) anticlockwise as seen, 0 = to the right. size_px: (…) typical length of the
@@ -83,7 +83,7 @@ class Pose:
 
 
 def backbone_bends(posture: Floats) -> Floats:
-    """Return the directions (…, n) of backbone steps, radians from the heading, of postures.
+    """Return the direction (…, n) of each backbone step in postures, radians from the heading.
 
     They point towards the head and count from the heading, + = to the animal's left. The result is
     a view, so writing to it changes the postures.
@@ -92,7 +92,7 @@ def backbone_bends(posture: Floats) -> Floats:
 
 
 def backbone_steps(posture: Floats) -> Floats:
-    """Return the lengths (…, n) of backbone steps, in typical body lengths, of postures, as a view.
+    """Return the length (…, n) of each backbone step in postures, in typical body lengths.
 
     The unit is the animal's typical length.
     """

@@ -22,7 +22,7 @@ _ROUNDING = 1e-6  # relative difference of a shape's components that counts as e
 
 
 class NearestCodes(NamedTuple):
-    """Pose codes (…, c) moved to within reach of the film's, and a mask (…) of those moved."""
+    """Pose codes (…, c) moved close to the film's, and a mask (…) of those that were moved."""
 
     codes: Floats
     clamped: Mask
@@ -48,7 +48,7 @@ class PoseShapes:
 
     @classmethod
     def fit(cls, postures: Floats, share: float, gap_quantile: float = 0.99) -> "PoseShapes":
-        """Return the principal shapes that explain a share (0 … 1) of the postures' variance.
+        """Return the principal shapes that explain a share (0 … 1) of postures' variance.
 
         postures (k, d): of a film; their mirror images are added, so `codes` has 2 k rows.
         gap_quantile: quantile of the distance from a posture to its nearest other one. It becomes
@@ -113,11 +113,11 @@ class PoseShapes:
         return scipy.spatial.cKDTree(self.codes)
 
     def is_far_from_film(self, codes: Floats) -> Mask:
-        """Return a mask (…) of pose codes (…, c) at least about `gap` away from filmed ones."""
+        """Return a mask (…) of pose codes (…, c) that are unlike all filmed ones."""
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 
     def nearest_codes(self, codes: Floats) -> NearestCodes:
-        """Return pose codes (…, c) moved to within `gap` of filmed ones, and which were moved.
+        """Return pose codes (…, c) moved close enough to filmed ones, and which were moved.
 
         Codes that are nearer already stay. Mirror images count as filmed.
         """

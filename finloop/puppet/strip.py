@@ -37,7 +37,7 @@ class PlacedBackbone(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """The m = n + 1 + 2 BEYOND cross-sections of a body along its backbone of n steps.
+    """The m cross-sections of a body along its backbone of n steps, and beyond its ends.
 
     points: (m, 2) px on the backbone or beyond its ends, head first; normals: (m, 2) unit vectors
     to the animal's left; limits: (m, 2) px, how long a section is on its left and right.
@@ -111,7 +111,7 @@ def _section_limits(points, normals):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
-    """Return whether point i, beyond an end of a backbone, is nearest to that end.
+    """Return whether the nearest backbone point of point i, beyond an end, is that end.
 
     end: row of the head or tail end. 1 % is tolerated.
     """
@@ -125,7 +125,7 @@ def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def squeeze_offset(t: float, limit: float) -> float:
-    """Return how far [px] from a bent backbone a point t ≥ 0 [px] beside it is drawn.
+    """Return where a point t ≥ 0 [px] beside a straight backbone is drawn beside a bent one [px].
 
     On the inner side of a bend there is less room: limit [px] is the length of the cross-section.
     With f = r = limit / 2 the result is t up to f; beyond it f + r (q − q²/4), q = (t − f) / r,
@@ -142,7 +142,7 @@ def squeeze_offset(t: float, limit: float) -> float:
 
 @finite_kernel
 def unsqueeze_offset(o: float, limit: float) -> float:
-    """Return the offset t ≥ 0 [px] that `squeeze_offset` draws at o [px], or HIDDEN.
+    """Return where a point o [px] beside a bent backbone lies beside a straight one [px].
 
     limit: length [px] of the cross-section. With f = r = limit / 2 the result is o up to f; beyond
     it f + 2 r (1 − √(1 − (o − f) / r)).

@@ -31,7 +31,7 @@ class TailParameters(NamedTuple):
 
 
 def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
-    """Return how much the tail's visible length varies: 95 % minus 5 % quantile, in body lengths.
+    """Return how much the visible length of the tail varies, in body lengths.
 
     The unit is the median length of the body without the tail. tracks: half_width_px and backbone
     of k rows; backbones: (k, n, 2) px, head first; thin: as in `TailParameters`.
@@ -45,7 +45,7 @@ def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> 
 def align_body_and_tail(
     tracks: pd.DataFrame, backbones: Reals, parameters: TailParameters
 ) -> Points:
-    """Return backbones (k, n, 2) px whose points lie at equal parts of body and tail in all rows.
+    """Return backbones (k, n, 2) px on which point i is the same place of the animal in all rows.
 
     The first points, from the head, divide the body, the others the whole tail; where no tail is
     visible, the line continues straight. tracks: backbone_x_px, backbone_y_px, half_width_px of k
@@ -88,7 +88,7 @@ def _half_widths_head_first(tracks: pd.DataFrame, backbones: Reals) -> Floats:
 
 
 def _find_body_ends(widths: Floats, thin: float) -> Floats:
-    """Return where bodies end (k,), as a fractional point number; n - 1 without a tail.
+    """Return where on backbones bodies end, (k,), counted in points from the head.
 
     widths (k, n): along the backbones, px. Ends lie between points, by linear interpolation.
     """

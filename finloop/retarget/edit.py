@@ -27,7 +27,7 @@ class RowSequence:
 
     @classmethod
     def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "RowSequence":
-        """Return the sequence of rows by number (T,); a mirror image has row number + count.
+        """Return the sequence of numbered rows (T,), in which a mirror image has number + count.
 
         follows (m,): the number that comes next in the film, −1 for none; count: rows of the film.
         """

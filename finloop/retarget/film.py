@@ -46,7 +46,7 @@ to one that the film shows; switch: another row of the film begins."""
 
 
 class RetargetData(NamedTuple):
-    """The film whose frames are drawn, as retargeting needs it.
+    """All that retargeting needs of the film whose frames are drawn.
 
     rate_hz: frames per second; arena (h, w): where the fish can be; reel: its rows; poses: their
     postures; look: light and skin of each row, then of each mirror image, as numbers; size: px of
@@ -83,7 +83,7 @@ class Retargeted(NamedTuple):
 
 
 class JoinParameters(NamedTuple):
-    """Parameters of the groups `jumps` (comparison of rows) and `animate` (transitions).
+    """Parameters of the groups `jumps` and `animate`: how rows are compared and joined.
 
     join: the kind of transition, a cut, a cross-fade or inertialization.
     """
@@ -111,7 +111,7 @@ def track_from_film_rows(film: RetargetData, rows: Ints, name: str) -> Track:
 def retarget_track(
     track: Track, film: RetargetData, p: RetargetSettings, others: JoinParameters
 ) -> Retargeted:
-    """Return the edit list, requested motion and metrics of the film's fish on a recorded track.
+    """Let the film's fish swim a recorded track; return edit list, requested motion and metrics.
 
     film: the film whose frames are drawn; p: the group `retarget` of the parameters; others: those
     of other stages. FinloopError if the track is too short, swims tail first, has no body length,
@@ -170,7 +170,7 @@ class _PlacedTrack(NamedTuple):
         return len(self.along) > 2
 
     def offsets_into_tank(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
-        """Return shifts (T, 2) px that move bodies into the tank, and the path's scale.
+        """Return the shifts (T, 2) px that move bodies into the tank, and how the path is scaled.
 
         The path is scaled by a factor of at most 1; the bodies keep their size.
         """
@@ -195,7 +195,7 @@ class _PlacedTrack(NamedTuple):
 def _fit_track_to_fish(
     track: Track, motion: RecordedMotion, film: RetargetData, p: RetargetSettings
 ) -> tuple[_PlacedTrack, float]:
-    """Return a recorded track scaled to this film's fish, with postures, and the scale.
+    """Return a recorded track scaled to this film's fish, and the scale.
 
     motion: its points at every tick. The scale is px of this film per px of the track. A track
     without postures gets the mean posture.

@@ -28,7 +28,7 @@ _LINES = ("track_id", "frame", "backbone_x_px", "backbone_y_px")
 
 
 def load_track(film: RetargetData, p: RetargetSettings) -> Track:
-    """Return the track that `retarget.tracks` names: of a file, another film, or this film.
+    """Return the track that the parameter `retarget.tracks` names.
 
     film: the film whose frames are drawn. FinloopError if the track cannot be read.
     """

@@ -14,7 +14,7 @@ _ROUNDS = 12  # of halving, to find how much smaller a path has to be
 
 
 def track_scale(track: Track, length_px: float, p: RetargetSettings) -> float:
-    """Return the scale of a recorded track: px of the tank per px of its file.
+    """Return how many px of the tank one px of a recorded track becomes.
 
     length_px: on this film's fish, the length of what `track.length_px` measures. FinloopError if
     the track has no length.
@@ -47,7 +47,7 @@ def _round_to_pixels(points: Points) -> Ints:
 def find_placement(
     bodies: Points, arena: Mask, length_px: float, p: RetargetSettings
 ) -> tuple[Floats, float]:
-    """Return the shift (2,) px that moves a path into the tank, and the path's relative size.
+    """Return the shift (2,) px and the scaling that bring a path into the tank.
 
     bodies (T, k, 2) px: the drawn points of the animal, which keeps its size on a smaller path;
     arena (h, w): True inside; length_px: body length. The size is 1 unless the placement is
@@ -88,13 +88,13 @@ def find_placement(
 
 
 def shrink_path(bodies: Points, size: float) -> Points:
-    """Return bodies (T, k, 2) on a path of `size` times its size; each body keeps its own."""
+    """Return bodies (T, k, 2) of unchanged size on a path that is `size` times as large."""
     centres = bodies.mean(1, keepdims=True)
     return bodies + (size - 1) * (centres - centres.mean(0))
 
 
 def _format_size(points: Points, length_px: float) -> str:
-    """Return the extent of points (…, 2) px as text: width and height in body lengths."""
+    """Return width and height of points (…, 2) px as a text, in body lengths."""
     wide, high = np.ptp(points.reshape(-1, 2), axis=0) / length_px
     return f"{wide:.1f} × {high:.1f}"
 
@@ -119,7 +119,7 @@ def find_shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | N
 
 
 def _find_shift_by_cells(pixels: Ints, arena: Mask, wall_cost: Floats, cell: int) -> Floats | None:
-    """Return the best shift (x, y) px of pixels (n, 2) into the arena in steps of a cell, or None.
+    """Return the best shift (x, y) [px], in steps of a cell, of pixels into the arena, or None.
 
     cell: side of a cell, px; wall_cost (h, w): of each pixel, for being near a wall. Two
     correlations try all shifts at once: one counts the points outside, the other sums the cost. A

@@ -62,7 +62,7 @@ def fit_postures(
 
 
 def _directions_from_head(points: Points, along: Floats) -> tuple[Floats, Floats]:
-    """Return the head's direction (T,), and the body steps' directions relative to it, radians.
+    """Return the direction of the head (T,), and of each body step relative to it, in radians.
 
     Both are radians, anticlockwise on screen; the steps (T, m − 1) lead towards the head, without
     jumps of 2 π along the body. The head points from a third of the body to its first point.
@@ -141,12 +141,12 @@ def places_on_body(pose: Pose, along: Floats) -> Points:
 
 
 def backbone_length_share(shapes: PoseShapes) -> float:
-    """Return the length of the mean posture's backbone, in typical lengths (`size_px`)."""
+    """Return the backbone's length in the mean posture, in typical lengths (`size_px`)."""
     return float(backbone_steps(shapes.mean).sum())
 
 
 def straight_distance_share(shapes: PoseShapes, along: Floats) -> float:
-    """Return the straight distance of two points on the mean posture, in typical lengths.
+    """Return the straight distance of two body points in the mean posture, in typical lengths.
 
     Its unit is `size_px`, the typical length. along (2,): the places, 0 = head, 1 = tail.
     """

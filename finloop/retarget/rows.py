@@ -28,7 +28,7 @@ _BEAM = 4  # times the candidates: the sequences kept for the next tick
 
 @dataclass(frozen=True)
 class FilmRows:
-    """The m rows of a film that can be shown, as vectors by which they are compared.
+    """The rows of a film that can be shown, as vectors by which they are compared.
 
     m is `count`, or twice that with mirror images; a mirror image has its row's number + count.
     values (m, d): posture, its change, and motion; motion alone for a track without postures. seen
@@ -91,7 +91,7 @@ class FilmRows:
         )
 
     def exclude_rows(self, rows: Ints) -> "FilmRows":
-        """Return the film's rows with some of them, and their mirror images, made unusable.
+        """Return the film's rows, of which some and their mirror images can no longer be shown.
 
         These keep their numbers, but are infinitely distant, and no row is followed by one of them.
         rows: their numbers in the film. FinloopError if no row remains.
@@ -108,7 +108,7 @@ class FilmRows:
         return replace(self, values=values, follows=follows)
 
     def query_vectors(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
-        """Return requested motion as vectors (T, d), comparable with `values`.
+        """Return requested motion as vectors (T, d), to be compared with `values`.
 
         place (T, 2): of the mass centre, body lengths; heading_rad (T,): not wrapped; codes (T, c):
         pose codes (principal-component scores), None for a track without postures.
@@ -167,7 +167,7 @@ def find_cheapest_rows(
 def _costs_of_reaching(
     rows: FilmRows, tried: Ints, beam: Ints, costs: Floats, switch: float
 ) -> Floats:
-    """Return the cost (b, k) of continuing each sequence of a beam with each tried row.
+    """Return the costs (b, k) of b sequences, each continued with each of k rows.
 
     beam (b,): the last rows of the sequences; costs (b,): of these; tried (k,): rows, ascending. A
     jump costs `switch` and its discontinuity from the row that was due; playing on costs nothing.

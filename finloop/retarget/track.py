@@ -81,7 +81,7 @@ def track_from_poses(poses: Poses, rate_hz: float, steps: int, p: RetargetSettin
 def track_from_backbones(
     name: str, rate_hz: float, frame: Ints, backbone: Floats, steps: int
 ) -> Track:
-    """Return a track made of backbones (t, k, 2) px, resampled to steps + 1 points.
+    """Return a track of backbones (t, k, 2) px, resampled to steps + 1 points.
 
     name: of the film they come from, for messages; frame (t,): their frame numbers; backbone: its k
     points are equally far apart, head first; steps: number of segments of a backbone in the film
@@ -114,7 +114,7 @@ def _select_animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats
 
 
 def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int:
-    """Return the number of the named animal; without a name, of the one in most frames.
+    """Return the number of the animal with a name; without one, of the animal in most frames.
 
     counts: the frames that show each animal. FinloopError if no animal has the name.
     """
@@ -163,7 +163,7 @@ def body_keypoint_numbers(keypoints: Sequence[str], points: Floats, p: RetargetS
 
 
 def _find_points_between(head: Floats, tail: Floats, points: Floats) -> list[int]:
-    """Return the numbers of points near the line from head to tail, in order along it.
+    """Return which points lie near the line from head to tail, in order along it.
 
     head, tail (t, 2); points (t, m, 2) px in t frames, NaN where they are not seen. In the median
     of the frames a point must be near the line, and not near an end: there it is the end itself by
@@ -223,7 +223,7 @@ def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
 
 
 def _body_length_px(points: Floats, along: Floats) -> float | None:
-    """Return the body length [px] by points (t, m, 2) at shares (m,) of it; None for one point."""
+    """Return an animal's body length [px] from its points; None for a single point."""
     if len(along) == 1:
         return None
     lengths_px = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0)).sum(1)

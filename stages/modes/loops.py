@@ -9,7 +9,7 @@ from stages.animation import write_animation
 
 
 def open_mode(project: Project) -> Animator:
-    """Return the animator of mode `loops`; raise NothingToUse if the film has no loops."""
+    """Return the animator of mode `loops`; NothingToUse if the film has no loops."""
     assets, loops, settings = project.film_assets, project.loops, project.settings
     return loops_animator(assets, loops, settings("animate"), settings("loops"))
 

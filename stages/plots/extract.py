@@ -93,7 +93,7 @@ def load_extracted_film(name: str, home: Path) -> ExtractedFilm:
 def _thin_fish_in_films(
     films: list[ExtractedFilm], settings: ExtractSettings
 ) -> Iterator[ThinnedFish]:
-    """Yield the fish in some frames of all films, each thinned to lines 1 px wide.
+    """Yield fish of all films, each thinned to lines 1 px wide.
 
     The frames are spread evenly over each film. All films together have about `THINNED_FRAMES`.
     """

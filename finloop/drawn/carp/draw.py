@@ -38,7 +38,7 @@ PELVIC = FinShape(0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
 
 @dataclass(frozen=True)
 class CarpPicture:
-    """A sharp picture of one carp; its upper left pixel is at (x0, y0) of the film's picture."""
+    """A sharp picture of one carp, and where it lies in the film's picture."""
 
     x0: int
     y0: int
@@ -233,7 +233,7 @@ def _find_body_pixels(line: Floats, rows: int, columns: int, length_subpx: float
 
 
 def _body_coverage(s: Image, v: Image, length_subpx: float) -> tuple[Image, Image]:
-    """Return the squared half width (n,) of the body at s, and how much of each subpixel it covers.
+    """Return the body's squared half width (n,) at s, and the covered share (n,) of each subpixel.
 
     s, v (n,): body coordinates of the subpixels; length_subpx: of the body. Widths are in body
     lengths.

@@ -159,7 +159,7 @@ def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
 
 
 def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
-    """Darken the floor under a fish in a picture (h, w, 3 or 1), in place; return where.
+    """Darken the floor under a fish in a picture (h, w, 3 or 1), in place.
 
     Return the rows and columns that have changed.
     """
@@ -178,7 +178,7 @@ def _shade_floor(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tupl
 def _overlap_windows(
     picture: Image, x0: int, y0: int, shape: tuple[int, ...]
 ) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Return where a patch and a picture overlap: slices of the picture, and of the patch.
+    """Return the overlap of a picture and a patch, as slices of each.
 
     x0, y0: place of the patch in the picture, px; shape: of the patch. They must overlap.
     """

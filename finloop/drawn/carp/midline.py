@@ -78,7 +78,7 @@ def midline_of_pose(
 
 
 def midline_bend(line: Floats) -> float:
-    """Return the signed area between a midline and its chord, divided by the squared length.
+    """Return how bent a midline is: signed area between it and its chord, over squared length.
 
     line (k, 2): head to tail, any unit, y down. The area is positive for a bend to the left.
     """

@@ -278,7 +278,7 @@ class Swimmer:
     def _begin_at_random(
         self, others: Sequence["Swimmer"], may_turn: bool, wall_distance: float
     ) -> None:
-        """Begin a random kind of motion: glide, turn, burst or cruise.
+        """Begin a kind of motion at random: glide, turn, burst or cruise.
 
         A fish that glides already turns instead of gliding again. It cruises in place of a turn
         that may not begin or finds no angle, and of a burst within 2.5 body lengths of the wall.
@@ -449,7 +449,7 @@ def _spare_gap(fish: Swimmer, other: Swimmer, reach: float | None = None) -> flo
 
 
 def _closest_approach(fish: Swimmer, other: Swimmer, angle: float) -> float:
-    """Return the least distance between two fish within 1.6 s if the first turns now, body lengths.
+    """Return the least distance of two fish within 1.6 s if the first turns now, in body lengths.
 
     angle: of the turn, radians, + left; both then swim straight on. The unit is the body length.
     Without a turn, fish that already part count as far apart: 9.

@@ -33,7 +33,7 @@ TAIL_BLADE = 0.86  # the caudal fin begins here
 
 @cache
 def _squared_width_curve() -> "scipy.interpolate.PchipInterpolator":
-    """Return a curve through the squared half width [body lengths²] along the body, s 0-1."""
+    """Return the squared half width [body lengths²] along the body as an interpolating curve."""
     # Interpolate the square: it is linear at the tips, which makes both ends round.
     s, w = np.array(_STATIONS).T
     return scipy.interpolate.PchipInterpolator(s, w**2)
@@ -84,7 +84,7 @@ def _clouds(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Gen
 
 
 def _tint(picture: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
-    """Return a picture with a colour laid over it; weight: its opacity (0-1) at each pixel."""
+    """Return a picture with a colour laid over it, `weight` (0-1) opaque at each pixel."""
     over = np.asarray(colour, np.float32)
     return np.asarray(picture + (over - picture) * weight[..., None], np.float32)
 
@@ -105,7 +105,7 @@ _COATS = (
 
 
 class _BodyCoordinates(NamedTuple):
-    """The coordinates on the body of a skin picture's pixels (rows, columns).
+    """The coordinates on the body of each pixel of a skin picture.
 
     s (1, columns): from 0 (snout) to 1 (tail end); v (rows, 1): from left (+) to right, body
     lengths; r (rows, columns): v as a share of the half width, ±1 at the body's edges.
@@ -175,7 +175,7 @@ def _paint_patches(places: _BodyCoordinates, coat: int, rng: np.random.Generator
 
 
 def _scales_light(places: _BodyCoordinates) -> Image:
-    """Return the factor by which scales change each pixel's light: staggered arcs."""
+    """Return the factor by which the scales change the light of each pixel."""
     s, v, _ = places
     size = 0.026
     scale_row = np.floor(v / (size * 0.5))

@@ -91,7 +91,7 @@ def is_swinging(name: str, phase: Floats) -> Mask:
 
 
 def half_cycle_progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return the share (0-1) of a limb's swing, or of its stance, that is over at given phases.
+    """Return the share (0-1) of a limb's swing, or of its time on the ground, that is over.
 
     name: one of NAMES; phase: in cycles, an array of any shape. γ makes the progress uneven.
     """
@@ -149,7 +149,7 @@ def spot_position(dog: DogFilm, phase: float, place: tuple[float, float]) -> Flo
 
 
 def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
-    """Return points (n, 2) of a part of the dog, in trunks, turned as at a phase of the gait.
+    """Return points (n, 2) of a part of the dog, in trunks, turned as it is at a phase.
 
     nodes: the part. HEAD and EAR turn about the neck, TAIL about its root, BODY stays; phase: of
     the gait, in cycles. Angles are radians, chosen by eye: the head nods twice a cycle, the tail
