@@ -440,7 +440,7 @@ class Project:
     ) -> EditSources:  # fmt: skip
         """Return a mode's edit list with all facts and tables needed to draw it.
 
-        stage: whose parameter `mode` an error message names. columns: of the table of tracks.
+        stage: the one whose parameter `mode` errors name. columns: of the table of tracks.
         sprites, bodies: load the sprites, or the fish's postures, even if the list needs none:
         postures are for pictures that are bent or mirrored.
         """

@@ -41,9 +41,9 @@ def rows_of_first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
 
 
 def _simulate(film: FilmGroup, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
-    """Return measures of simulated groups of fish, with the zones and without zones.
+    """Simulate groups of fish with the film's zones and without zones; return their measures.
 
-    Return a table of each group's measures, columns of `SCHOOL`, by the names "zones" and "alone".
+    The tables of measures, columns of `SCHOOL`, have the names "zones" and "alone".
     """
     rows, tables = film.rows_with_whole_steps(p.rows), {}
     for name, group_zones in (("zones", zones), ("alone", NO_ZONES)):

@@ -14,7 +14,7 @@ APART, PREFIX = Path(".dvc/tmp"), "sweep-"
 
 
 def claim_folder(program: str) -> None:
-    """Raise FinloopError if another study or sweep runs in this folder; else remove stale clones.
+    """Refuse a second study or sweep in this folder, and remove clones that killed ones have left.
 
     program: module of the study or sweep that is about to begin, such as "stages.study".
     FinloopError, and nothing is removed, if another one runs here.

@@ -42,7 +42,7 @@ def _load_visible_distance(project: Project) -> VisibleDistance:
 
 
 def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return by name the RMS errors in predicting the motion area Δ later, on held-out rows.
+    """Return the RMS errors, by name, of motion areas predicted for Δ later on held-out rows.
 
     Key area_rmse: error of the model; persistence_area_rmse: error of the prediction that nothing
     changes. Both are shares of the film's largest motion area. Δ is the time over which motion is

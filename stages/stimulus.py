@@ -319,7 +319,7 @@ def _run_server(server: AppServer) -> None:
 
 
 def _build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line; `does` in its result is the command's function."""
+    """Return the parser of the command line; each command sets `does` to its function."""
     parser = argparse.ArgumentParser(
         prog="python -m stages.stimulus", description="A stimulus for animals; docs/stimulus.md."
     )

@@ -91,7 +91,7 @@ def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
 
 
 def _small_change_limits(changes: Floats) -> tuple[Floats, Floats]:
-    """Return the largest change near each frame, and the limit of a small change there, (frames,).
+    """Return for each frame the largest change near it, and the largest small change, (frames,).
 
     The changes of the six frames to either side are sorted, without the two largest, which may be
     flashes. Those below the largest gap, a ratio of one to the next, are small; where no gap is
@@ -154,8 +154,8 @@ def _find_rhythm(decidable: Mask, rare: Mask) -> tuple[float, float]:
 def _refine_phase(decidable: Mask, rare: Mask, rate: float, phase: float) -> float:
     """Return the phase [beats] of a rhythm that agrees with the most frames.
 
-    Phases from `phase` to `phase + rate`, as much as passes in a frame, are tried. rate: beats per
-    frame; decidable, rare: masks (frames,).
+    Phases from `phase` to `phase + rate` are tried, which lead to different frames; of equally good
+    ones the middle is returned. rate: beats per frame; decidable, rare: masks (frames,).
     """
     number = np.arange(len(decidable))
     phases = [phase + rate * share for share in np.linspace(0, 1, _PHASES)]

@@ -58,9 +58,9 @@ def held_out_block_frames(
 def measure_delta_s(bends: Sequence[Reals], rate_hz: float) -> float:
     """Return Δ [s], the time over which motion is measured, chosen for a film.
 
-    It is the paper's 0.2 s, but at most half a tail beat, and at most a quarter of the longest
-    track. Half a beat is three memories (`measure_memory_frames`). bends: the signed motion
-    areas (n,) of each track; rate_hz: frames per second.
+    It is the paper's 0.2 s, but at most half a tail beat, taken as three times the memory of a
+    posture (`measure_memory_frames`), and at most a quarter of the longest track. bends: the signed
+    motion areas (n,) of each track; rate_hz: frames per second.
     """
     lengths = [len(bend) for bend in bends]
     track = np.repeat(np.arange(len(bends)), lengths)

@@ -39,7 +39,7 @@ BRISK = TurnThresholds(16.0, 0.04)
 def measure_turn_thresholds(
     headings_deg: Sequence[Reals], bends: Sequence[Reals], delta_frames: int
 ) -> TurnThresholds:
-    """Return from which change of heading and which bend on a motion is a turn in a film.
+    """Return the change of heading and the bend that make a turn, measured in a film.
 
     headings_deg, bends: of each track (n,), degrees and signed body length²; delta_frames: time Δ
     over which headings change. The thresholds are `BRISK`, lowered for a slower or stiffer fish

@@ -226,7 +226,7 @@ def choose_turn_thresholds(
     heading_deg: Reals, bend: Reals, tracks: Sequence[slice], delta_frames: int,
     settings: FeaturesSettings,
 ) -> TurnThresholds:  # fmt: skip
-    """Return from which change of heading and which bend on a motion is a turn, by settings.
+    """Return the change of heading and the bend that make a turn: settings, or measured.
 
     Each threshold is the number in the settings; if it is "auto" there, it is measured in the film.
     heading_deg (n,): heading of each row of the film, degrees; bend (n,): signed motion area of

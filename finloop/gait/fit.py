@@ -356,7 +356,7 @@ def _evaluate_two_cubics(tau: Points) -> Points:
 def build_subcycles(
     film: GaitContours, keys: Keys, split: float, descriptor: Descriptor
 ) -> dict[SubcycleKey, Subcycle]:
-    """Return all subcycles of a film, by contour and letter.
+    """Return all subcycles of a film, by contour and letter (A … D).
 
     keys: two key frames, or four without symmetry; split: phase of key 2, in cycles; descriptor:
     how contours become coefficients.

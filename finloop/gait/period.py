@@ -303,7 +303,7 @@ class _SinusoidFit(NamedTuple):
 
 
 def _fit_sinusoids(modes: Floats, frequency: float) -> _SinusoidFit:
-    """Return how well a sinusoid of `frequency` (cycles a frame) fits the modes around each frame.
+    """Return the sinusoid of `frequency` (cycles a frame) that fits the modes around each frame.
 
     modes (frames, m): scores of the principal modes. In a window about each frame, a straight line
     (a turn, a drift) and the sinusoid are fitted together; frames count less towards its ends. The

@@ -154,7 +154,7 @@ class _Bodies(NamedTuple):
 
 
 def _match_bodies(a: Drawing, b: Drawing, points: int) -> _Bodies:
-    """Return the pieces of two drawings in pairs; FinloopError if their pieces differ."""
+    """Return the silhouettes of two drawings in pairs; FinloopError if their pieces differ."""
     if not a.curves:
         raise FinloopError(
             "a drawing of which the forces name every shape",
@@ -225,7 +225,7 @@ def _pair_pieces(first: dict[str, int], last: dict[str, int]) -> list[int]:
 
 
 def _morph_progress(physics: PhysicalOptions, times: Points) -> Points:
-    """Return which share (f,) of its morph a contour inside a silhouette has made at times (f,)."""
+    """Return how far (f,), from 0 to 1, contours have morphed at times (f,)."""
     material = physical_material(physics)
     stiffness = np.array([(2 * np.pi) ** 2 * material.elastic])
     damping = material.mass_damping * (material.density or 1) + (

@@ -226,9 +226,9 @@ def _places_inside(contours: Sequence[Points]) -> Points:
 def move_holes_inside(pose: Points, outer: slice, holes: Sequence[slice]) -> None:
     """Move the small holes of a pose (n, 2) away from other contours that are too near, in place.
 
-    A hole is small if it has at most about SMALL of the outer contour's area. It keeps CLEAR radii,
-    those of a hole of that area, away from the outer contour and the other holes. outer, holes:
-    slices of the contours.
+    A hole is small if its area is at most about the share SMALL of the outer contour's. It is kept
+    away from all other contours by CLEAR times the radius of a hole of just that area. outer,
+    holes: slices of the contours.
     """
     least = 1.01 * SMALL * abs(signed_area(Curve(pose[outer], closed=True)))
     areas = [abs(signed_area(Curve(pose[hole], closed=True))) for hole in holes]

@@ -125,7 +125,7 @@ def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def squeeze_offset(t: float, limit: float) -> float:
-    """Return where a point t ≥ 0 [px] beside a straight backbone is drawn beside a bent one [px].
+    """Return the offset [px] from a bent backbone at which a point t ≥ 0 [px] beside it is drawn.
 
     On the inner side of a bend there is less room: limit [px] is the length of the cross-section.
     With f = r = limit / 2 the result is t up to f; beyond it f + r (q − q²/4), q = (t − f) / r,
@@ -142,7 +142,7 @@ def squeeze_offset(t: float, limit: float) -> float:
 
 @finite_kernel
 def unsqueeze_offset(o: float, limit: float) -> float:
-    """Return where a point o [px] beside a bent backbone lies beside a straight one [px].
+    """Return the offset [px] from a straight backbone of what is drawn at o [px] beside a bent one.
 
     limit: length [px] of the cross-section. With f = r = limit / 2 the result is o up to f; beyond
     it f + 2 r (1 − √(1 − (o − f) / r)).
