@@ -328,6 +328,11 @@ def test_colours_as_style_sheets_state_them(tmp_path, body, fill, opacity):
         ('stroke="red" stroke-width="1e200"', "a line or gradient of a size of 1e+200 ('a')"),
         ('transform="translate(1e999)"', "transform: translate(1e999) ('a')"),
         ('transform="rotat(30)"', "transform: rotat(30) ('a')"),
+        ('style="transform:translate(10%)"', "transform: translate(10%) ('a')"),
+        ('style="rotate:x 30deg"', "rotate: rotate(x 30deg) ('a')"),
+        ('style="d:ray(20deg)"', "d: ray(20deg) ('a')"),
+        ('vector-effect="fixed-position"', "a vector effect ('a')"),
+        ('style="offset-path:none;transform-box:fill-box;rotate:9deg"', "a transform in a box of its own ('a')"),
         ('style="mix-blend-mode:multiply"', "a blend mode ('a')"),
         ('paint-order="stroke" stroke="red"', "a line below its fill ('a')"),
         ('transform="scale(2)" style="transform-origin:50% 50%"', "a transform about a point of its own ('a')"),
@@ -337,6 +342,51 @@ def test_what_cannot_be_read_is_refused_by_name(tmp_path, attribute, said):
     with pytest.raises(FinloopError) as error:
         load(tmp_path, f'<path id="a" {attribute} {P}/>')
     assert said in error.value.came
+
+
+def test_style_sheets_state_geometry(tmp_path):
+    body = (
+        "<style>#a{d:path('M1 2h3v4z')} #b{cx:60px;cy:20px;r:10px} #c{x:7px;width:2px;height:4px;"
+        "translate:10px 20px;rotate:90deg;scale:2 1;transform:translate(1px,0)}</style>"
+        '<path id="a" d="M0 0H9V9z"/><circle id="b" r="1"/><rect id="c" y="5"/>'
+    )
+    curves = load(tmp_path, body).curves
+    assert (
+        curves["a"].points.tolist() == [[1, 2], [4, 2], [4, 6], [1, 2]][: len(curves["a"].points)]
+    )
+    assert np.ptp(curves["b"].points, axis=0) == pytest.approx([20, 20], abs=0.1)
+    # (7 … 9, 5 … 9) + (1, 0), times (2, 1), turned from x to y, + (10, 20)
+    low, high = curves["c"].points.min(axis=0), curves["c"].points.max(axis=0)
+    assert (*low, *high) == pytest.approx((1, 36, 5, 40))
+
+
+def test_a_switch_shows_its_first_child_that_fits(tmp_path):
+    shapes = [f'<g {how}><path id="{name}" {P}/></g>' for name, how in (
+        ("german", 'systemLanguage="de, fr"'), ("other", 'requiredExtensions="http://a.example"'),
+        ("english", 'systemLanguage="de, en-GB"'), ("any", ""),
+    )]  # fmt: skip
+    body = f"<switch>{''.join(shapes)}</switch>"
+    assert list(load(tmp_path, body).curves) == ["english"]
+    assert list(load(tmp_path, "".join(shapes)).curves) == ["english", "any"]
+
+
+def test_an_inner_contour_is_a_hole_if_the_fill_rule_says_so(tmp_path):
+    outer, alike, reverse = "M0 0H90V90H0z", "M20 20H60V60H20z", "M20 20V60H60V20z"
+    cases = {"a": outer + alike, "b": outer + reverse, "c": outer + alike + "M70 70H80V80H70z"}
+    body = "".join(f'<path id="{name}" d="{d}"/>' for name, d in cases.items())
+    curves = load(tmp_path, f'{body}<path id="d" fill-rule="evenodd" d="{cases["a"]}"/>').curves
+    assert list(curves) == ["a", "b", "b#2", "c", "d", "d#2"]
+    with pytest.raises(FinloopError) as error:
+        load(tmp_path, f'<path id="a" stroke="red" d="{cases["a"]}"/>')
+    assert "fill-rule: nonzero" in error.value.came
+    crossing = f'<path d="{outer}M50 50H120V120H50z"/>'
+    assert len(load(tmp_path, crossing).curves) == 2
+
+
+def test_path_length_is_the_unit_of_dashes(tmp_path):
+    d = 'd="M10 10h80" fill="none" stroke="red" stroke-dasharray="2 1" stroke-dashoffset="1"'
+    (paint,) = load(tmp_path, f'<path pathLength="10" transform="scale(.5)" {d}/>').styles.values()
+    assert (*paint.dashes, paint.dash_offset) == pytest.approx((8, 4, 4))
 
 
 def test_the_root_counts_like_any_group(tmp_path):
@@ -387,11 +437,11 @@ def test_shapes_without_a_size_and_lines_without_a_width_are_not_drawn(tmp_path)
 
 
 def test_names_of_paths_with_holes_and_of_illustrator(tmp_path):
-    holed = '<path d="M0 0H9V9zM2 1H3V2z"/>'
+    holed = '<path d="M0 0H9V9zM2 1V2H3z"/>'
     drawing = load(tmp_path, f'<g id="word">{holed}{holed}</g><path id="d_x23_2" {P}/>')
     assert list(drawing.curves) == ["word", "word#2", "word-2", "word-2#2", "d#2"]
     with pytest.raises(FinloopError, match="the name 'd#2' for two contours"):
-        load(tmp_path, f'<path id="d" d="M0 0H9V9zM2 1H3V2z"/><path id="d_x23_2" {P}/>')
+        load(tmp_path, f'<path id="d" d="M0 0H9V9zM2 1V2H3z"/><path id="d_x23_2" {P}/>')
 
 
 VARIABLES = "".join(f"--v{k}:" + f"var(--v{k + 1})" * 30 + ";" for k in range(40))

@@ -10,15 +10,16 @@ clip path, is refused by name, and so is a value that cannot be read.
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
 from xml.etree import ElementTree
 
 import numpy as np
+import skimage.measure
 import svgelements as svg
 
 from finloop.base.arrays import Points
@@ -67,16 +68,24 @@ _REFUSED = {
     "transform-origin": _Refused(
         "a transform about a point of its own", "apply transforms", ("0", "0 0", "0px 0px", "0% 0%")
     ),
+    "transform-box": _Refused("a transform in a box of its own", "apply transforms", ("view-box",)),
+    "offset-path": _Refused("a place along a path (offset-path)", "apply transforms"),
+    "vector-effect": _Refused(
+        "a vector effect", "set vector-effect to none", ("none", "non-scaling-stroke")
+    ),
     "pattern": _Refused("a pattern", "fill with colours or gradients in place of patterns"),
     "marker": _Refused("a marker", "turn markers, such as arrow heads, into paths"),
     "text": _Refused("text", "turn text into paths"),
 }  # fmt: skip
+_MOVES = ("translate", "rotate", "scale", "transform")  # in the order in which CSS applies them
 _MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 _RECT = ("x", "y", "width", "height")
 _NO_IDLE_CLIP = {"transform", "clipPathUnits", "rx", "ry"}
 _TRANSFORM = re.compile(
-    r"[\s,]*+(?:(?:matrix|translate[XY]?|scale[XY]?|rotate|skew[XY]?)\s*+\([^()]*+\)[\s,]*+)*+"
+    r"[\s,]*+(?:(?:matrix|translate[XY]?|scale[XY]?|rotate|skew[XY]?)\s*+"
+    r"\(\s*+(?:[-+.\d][^\s,()]*+[\s,]*+)*+\)[\s,]*+)*+"
 )
+_FEW = 64  # points of a contour that show whether it lies within another one
 _MOST_PIECES = 500  # pieces of one curved segment
 _MOST_PARTS = 64  # stops of a gradient, and lengths of a dashed line
 _NEAREST_FOCUS = 0.99  # radii from the centre of a gradient to its focus
@@ -369,7 +378,7 @@ def _shown_shapes(
     around: the context of the element. place: width and height that a `use` gives to a viewport.
     """
     tag = local_name(element)
-    if tag not in (*_GROUPS, *_SHAPES, "use", "switch", "text", "symbol"):
+    if tag not in (*_GROUPS, *_SHAPES, "use", "switch", "text", "symbol") or not _fits(element):
         return
     own_id = _decode_id(element.get("id", ""))
     name = own_id or around.name
@@ -399,31 +408,47 @@ def _shown_shapes(
                 group = _viewport_context(element, group, place)
             children = list(element)
             if tag == "switch":
-                children = [
-                    child for child in children if local_name(child) in (*_GROUPS, *_SHAPES, "use")
-                ][:1]
+                kinds = (*_GROUPS, *_SHAPES, "use", "switch", "text", "image")
+                children = [c for c in children if local_name(c) in kinds and _fits(c)][:1]
             for child in children:
                 if local_name(child) != "symbol":
                     yield from _shown_shapes(document, child, group, problems)
+
+
+def _fits(element: ElementTree.Element) -> bool:
+    """Return whether an element is for all viewers: it needs no extension, its language is English.
+
+    No language counts as English.
+    """
+    languages = element.get("systemLanguage", "en").lower().split(",")
+    return "requiredExtensions" not in element.attrib and any(
+        language.strip().partition("-")[0] == "en" for language in languages
+    )
 
 
 def _child_context(document: _Document, element: ElementTree.Element, around: _Context) -> _Context:
     """Return the context of an element's children: styles, matrix, opacity, refused features."""
     values = inherit_values(document.declared[element], around.values)
     refused = set(around.refused)
+    is_moved = any(values.get(key, "none") != "none" for key in _MOVES)
     for key, (_, _, harmless) in _REFUSED.items():
         text = " ".join(values.get(key, harmless[0]).split())
-        if text in harmless or (key == "transform-origin" and "transform" not in values):
+        if text in harmless or (key in ("transform-origin", "transform-box") and not is_moved):
             continue
         is_idle = key == "clip-path" and _fill_target(text) in document.idle_clips
-        if not (is_idle and not around.is_moved and "transform" not in values):
+        if not (is_idle and not around.is_moved and not is_moved):
             refused.add(key)
+    matrix = around.matrix
+    for key in _MOVES:
+        text = values.get(key, "none")
+        is_call = key == "transform" or text == "none"
+        matrix = _read_transform(key, text if is_call else f"{key}({text})") * matrix
     return around._replace(
         values=values,
-        matrix=_read_transform("transform", values.get("transform", "")) * around.matrix,
+        matrix=matrix,
         opacity=around.opacity * read_opacity("opacity", values.get("opacity", "1")),
         refused=frozenset(refused),
-        is_moved=around.is_moved or "transform" in values,
+        is_moved=around.is_moved or is_moved,
     )
 
 
@@ -435,10 +460,12 @@ def _used_shapes(
     target = document.by_id.get(target_id) if target_id else None
     if target is None:
         return
-    x, y = (read_length(key, element.get(key, "0"), size)
+    x, y = (read_length(key, _stated(element, group.values, key, "0"), size)
             for key, size in zip("xy", group.size, strict=True))  # fmt: skip
     place = tuple(
-        read_length(key, text, size) if (text := element.get(key) or target.get(key)) else size
+        read_length(key, text, size)
+        if (text := _stated(element, group.values, key) or target.get(key))
+        else size
         for key, size in zip(("width", "height"), group.size, strict=True)
     )
     inner = group._replace(matrix=svg.Matrix(1, 0, 0, 1, x, y) * group.matrix, is_used=True)
@@ -458,10 +485,10 @@ def _viewport_context(
     """
     x, y = 0.0, 0.0
     if local_name(element) == "svg":
-        x, y = (read_length(key, element.get(key, "0"), size)
+        x, y = (read_length(key, _stated(element, group.values, key, "0"), size)
                 for key, size in zip("xy", group.size, strict=True))  # fmt: skip
     width, height = place or (
-        read_length(key, element.get(key, "100%"), size)
+        read_length(key, _stated(element, group.values, key, "100%"), size)
         for key, size in zip(("width", "height"), group.size, strict=True)
     )
     box = _read_view_box(element)
@@ -472,12 +499,19 @@ def _viewport_context(
     return group._replace(matrix=matrix * group.matrix, size=size, is_moved=True)
 
 
+def _stated(
+    element: ElementTree.Element, values: Mapping[str, str], key: str, usual: str = ""
+) -> str:
+    """Return a length, or path data, that a style or an attribute states, by its key."""
+    return values.get(key) or element.get(key) or usual
+
+
 def _read_transform(key: str, text: str) -> Any:
     """Return an SVG transform as a matrix; UnreadableValueError if invalid or not finite."""
     if text in ("", "none"):
         return svg.Matrix()
     try:
-        if not _TRANSFORM.fullmatch(text):
+        if not _TRANSFORM.fullmatch(text) or "%" in text:
             raise ValueError
         matrix = svg.Matrix(text)
         if not np.isfinite([getattr(matrix, name) for name in "abcdef"]).all():
@@ -493,21 +527,58 @@ def _read_transform(key: str, text: str) -> Any:
 def _read_contours(
     document: _Document, item: _ShownShape, tolerance_px: float
 ) -> Iterator[tuple[Curve, Paint | None]]:
-    """Yield every contour of a shown shape, and the shape's fill and stroke."""
-    shape = _read_shape(item.element, item.group.size)
+    """Yield every contour of a shape that a drawing shows, and how it is painted."""
+    shape = _read_shape(item.element, item.group.values, item.group.size)
     if shape is None:
         return
-    paint = _read_paint(document, item.group, shape)  # before the shape changes its coordinates
+    # Before the shape changes its coordinates:
+    paint = _read_paint(document, item.group, item.element, shape)
     shape *= item.group.matrix
     shape.reify()
-    for curve in _shape_contours(shape, tolerance_px):
+    curves = list(_shape_contours(shape, tolerance_px))
+    is_nonzero = item.group.values.get("fill-rule") != "evenodd"
+    if is_nonzero and len(curves) > 1 and paint is not None and paint.fill is not None:
+        is_edge = _find_edges(curves)
+        if paint.stroke is not None and not all(is_edge):
+            raise UnreadableValueError(
+                "fill-rule: nonzero, for a contour with a line within the area (reverse it for a"
+                " hole, else give it a path of its own)"
+            )
+        curves = [curve for curve, keep in zip(curves, is_edge, strict=True) if keep]
+    for curve in curves:
         yield curve, paint
 
 
-def _read_shape(element: ElementTree.Element, size: tuple[float, float]) -> Any:
-    """Convert an SVG element to a shape of svgelements; None if the element draws nothing.
+def _find_edges(curves: Sequence[Curve]) -> list[bool]:
+    """Return of each contour whether its area ends there by the rule `nonzero`.
 
-    The shape is in the element's own coordinates. size: of the viewport.
+    Where contours cross, all of them are edges: the even-odd rule paints them.
+    """
+    if not all((np.abs(curve.points) <= LARGEST).all() for curve in curves):
+        return [True] * len(curves)  # refused later, by name
+    signs, around = [], [0] * len(curves)  # how often the area around a contour is within others
+    for curve in curves:
+        x, y = (curve.points - curve.points[0]).T
+        signs.append(int(np.sign(x @ np.roll(y, -1) - y @ np.roll(x, -1))))
+    boxes = [(curve.points.min(axis=0), curve.points.max(axis=0)) for curve in curves]
+    for at, number in permutations(range(len(curves)), 2):
+        (low, high), (other_low, other_high) = boxes[at], boxes[number]
+        if (low < other_low).any() or (high > other_high).any():
+            continue
+        few = curves[at].points[:: max(1, len(curves[at].points) // _FEW)]
+        is_inside = skimage.measure.points_in_poly(few, curves[number].points)
+        if is_inside.any() and not is_inside.all():
+            return [True] * len(curves)
+        around[at] += signs[number] * bool(is_inside.all())
+    return [0 in (outside, outside + sign) for outside, sign in zip(around, signs, strict=True)]
+
+
+def _read_shape(
+    element: ElementTree.Element, values: Mapping[str, str], size: tuple[float, float]
+) -> Any:
+    """Return a shape as svgelements has it, in its own coordinates; None if nothing is drawn.
+
+    values: of its properties; size: of the viewport.
     """
     tag = local_name(element)
     diagonal = float(np.hypot(*size) / np.sqrt(2))
@@ -516,15 +587,15 @@ def _read_shape(element: ElementTree.Element, size: tuple[float, float]) -> Any:
         """Return a length of the element in px; 100 % is the width, the height or their mean."""
         along = {"x": size[0], "w": size[0], "y": size[1], "h": size[1]}
         which = key[1] if key[0] in "cr" and len(key) > 1 else key[0]
-        return read_length(key, element.get(key, usual), along.get(which, diagonal))
+        return read_length(key, _stated(element, values, key, usual), along.get(which, diagonal))
 
     def radius(key: str, other: str) -> float | None:
-        """Return the radius of a rounded corner [px]; None if none is stated."""
-        known = {name for name in (key, other) if element.get(name, "auto") != "auto"}
+        """Return the radius of a rounded corner; None if none is stated."""
+        known = {name for name in (key, other) if _stated(element, values, name, "auto") != "auto"}
         return length(key if key in known else other) if known else None
 
     if tag == "path":
-        return svg.Path(element.get("d", ""))
+        return svg.Path(_read_path_data(element, values))
     if tag in ("polyline", "polygon"):
         shape = svg.Polygon if tag == "polygon" else svg.Polyline
         return shape(element.get("points", ""))
@@ -541,6 +612,18 @@ def _read_shape(element: ElementTree.Element, size: tuple[float, float]) -> Any:
     if not rx or not ry or rx < 0 or ry < 0:
         return None
     return svg.Ellipse(length("cx"), length("cy"), rx, ry)
+
+
+def _read_path_data(element: ElementTree.Element, values: Mapping[str, str]) -> str:
+    """Return the data of a path: its attribute, or what a style states as `path("…")`."""
+    if (text := values.get("d")) is None:
+        return element.get("d", "")
+    if text == "none":
+        return ""
+    found = re.fullmatch(r"""path\(\s*(?:\w+\s*,\s*)?(["'])(.*)\1\s*\)""", text, re.DOTALL)
+    if found is None:
+        raise UnreadableValueError(f"d: {text[:100]}")
+    return found[2]
 
 
 def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:
@@ -636,10 +719,12 @@ def _to_points(*points: Any) -> Points:
 # --- styles
 
 
-def _read_paint(document: _Document, group: _Context, shape: Any) -> Paint | None:
-    """Return a shape's fill, stroke, opacities, width and dashes, in px; None if nothing paints it.
+def _read_paint(
+    document: _Document, group: _Context, element: ElementTree.Element, shape: Any
+) -> Paint | None:
+    """Return how a shape is painted, in px of the viewport; None if nothing paints it.
 
-    group: its styles, matrix and opacity. shape: in its own coordinates.
+    group: its values, matrix and opacity; shape: in its own coordinates, as the element states it.
     """
     values = group.values
     matrix = group.matrix
@@ -659,7 +744,9 @@ def _read_paint(document: _Document, group: _Context, shape: Any) -> Paint | Non
     dashes: tuple[float, ...] = ()
     offset, is_round = 0.0, False
     if stroke is not None:
-        dashes, offset, is_round = _read_dashes(values, own_width, scale, diagonal)
+        dashes, offset, is_round = _read_dashes(
+            values, own_width, scale, diagonal, _length_unit(element, values, shape)
+        )
     gradients = [one.matrix for one in (fill, stroke) if isinstance(one, Gradient)]
     largest = np.abs([scale * own_width, *dashes, offset, *np.ravel(gradients)]).max()
     if not largest <= LARGEST:
@@ -773,21 +860,33 @@ def _read_stops(document: _Document, gradient: ElementTree.Element) -> tuple[Sto
     return tuple(stops)
 
 
+def _length_unit(element: ElementTree.Element, values: Mapping[str, str], shape: Any) -> float:
+    """Return how long a unit of a shape's dashes is: its length is `pathLength` of them, or 1."""
+    if (text := element.get("pathLength")) is None or "stroke-dasharray" not in values:
+        return 1.0
+    stated = read_length("pathLength", text, 1.0)
+    if stated <= 0:
+        return 1.0  # as SVG says
+    return float(svg.Path(shape).length(error=1e-4)) / stated
+
+
 def _read_dashes(
-    values: Mapping[str, str], own_width: float, scale: float, diagonal: float
+    values: Mapping[str, str], own_width: float, scale: float, diagonal: float, unit: float
 ) -> tuple[tuple[float, ...], float, bool]:
     """Return a stroke's dash and gap lengths [px], their offset [px], and whether caps are round.
 
-    own_width: of the stroke, in its own units. scale: px in such a unit. diagonal: what 100 % is.
-    Square caps make dashes longer by the width, and gaps shorter.
+    own_width: of its stroke, in its own units; scale: px in such a unit; diagonal: what 100 % is.
+    unit: own units in one of the dashes (`_length_unit`). Square ends make dashes longer by the
+    width, and gaps shorter.
     """
     texts = re.split(r"[\s,]+", values.get("stroke-dasharray", "").strip())
     if texts in ([""], ["none"]):
         return (), 0.0, False
     _refuse_too_many_parts("a dashed line", len(texts), "lengths")
-    lengths = [scale * read_length("stroke-dasharray", text, diagonal) for text in texts]
+    unit *= scale
+    lengths = [unit * read_length("stroke-dasharray", text, diagonal) for text in texts]
     stated_offset = values.get("stroke-dashoffset", "0")
-    offset = scale * read_length("stroke-dashoffset", stated_offset, diagonal)
+    offset = unit * read_length("stroke-dashoffset", stated_offset, diagonal)
     lengths = lengths * 2 if len(lengths) % 2 else lengths
     ends = values.get("stroke-linecap", "butt")
     if ends == "square":

@@ -30,14 +30,25 @@ MOST_COLOUR = 200  # characters of a colour
 MOST_VALUE = 2**12  # characters of a value after its variables have been put in
 
 INHERITED = {
-    *("fill", "fill-opacity", "stroke", "stroke-opacity", "stroke-width", "stroke-dasharray"),
+    *(
+        "fill",
+        "fill-opacity",
+        "fill-rule",
+        "stroke",
+        "stroke-opacity",
+        "stroke-width",
+        "stroke-dasharray",
+    ),
     *("stroke-dashoffset", "stroke-linecap", "visibility", "color", "paint-order"),
     *("marker", "marker-start", "marker-mid", "marker-end"),
 }
 OWN = {
     *("display", "opacity", "clip-path", "mask", "filter", "mix-blend-mode", "transform"),
-    *("transform-origin", "vector-effect", "stop-color", "stop-opacity"),
+    *("transform-origin", "transform-box", "translate", "rotate", "scale", "offset-path"),
+    *("vector-effect", "stop-color", "stop-opacity"),
 }
+GEOMETRY = {"d", "x", "y", "width", "height", "cx", "cy", "r", "rx", "ry"}
+"""Attributes that style sheets may state, too."""
 _LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(%|[a-z]*)", re.I)
 _UNITS = {"": 1.0, "px": 1.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "q": 96 / 101.6,
           "pt": 96 / 72, "pc": 16.0}  # fmt: skip
@@ -155,7 +166,7 @@ def _read_declarations(text: str | Sequence[tinycss2.ast.Node]) -> tuple[Values,
     for declaration in tinycss2.parse_blocks_contents(text) if text else ():
         if declaration.type == "declaration":
             name = declaration.name if declaration.name.startswith("--") else declaration.lower_name
-            if name in INHERITED or name in OWN or name.startswith("--"):
+            if name in INHERITED | OWN | GEOMETRY or name.startswith("--"):
                 value = tinycss2.serialize(declaration.value).strip()
                 (important if declaration.important else usual)[name] = value
     return usual, important
