@@ -262,11 +262,73 @@ def test_pins_of_a_file_reach_the_morph_and_wrong_ones_are_refused(tmp_path):
     assert load_pairing(path).splits == {"a": ["b", "c"]}
 
 
-def test_parts_of_another_kind_are_refused_by_name():
-    one = drawing(a=polygon(SQUARE))
-    for b in (
-        drawing(b=Curve(SQUARE, False), c=polygon(SQUARE + 20)),
-        drawing(b=Curve(SQUARE, False), c=Curve(SQUARE + 20, False)),
-    ):
-        with pytest.raises(FinloopError, match="shape 'a': one shape that becomes several, some"):
-            pair_drawings(one, b, Pairing({}, splits={"a": ["b", "c"]}))
+# --- open and closed parts of one shape
+
+
+@pytest.mark.parametrize("method", ["linear", "fold_free"])
+def test_open_and_closed_parts_of_one_path_go_to_their_kind(method):
+    no_fill = Paint(None, (0, 0, 0), 1.0, 1.0, 2.0)
+    whisker = Curve(np.array([[70, 20], [90, 15.0]]), False)
+    second = Curve(whisker.points + [0, 20], False)
+    a = drawing(
+        {"cat": no_fill, "tail": no_fill}, cat=[whisker, polygon(ROUND * 4 + 20)], tail=second
+    )
+    b = drawing({"cat": no_fill, "tail": no_fill},
+                cat=[polygon(ROUND * 5 + 10), whisker, second, polygon(SQUARE)], tail=second)  # fmt: skip
+    done = morph_drawings(*match_drawings(a, b)[:2], method, 9, 64)
+    assert list(done.layers) == ["cat", "cat-2", "cat-3", "cat-4", "tail"]
+    assert [*done.closed.values()] == [True, True, False, False, False]
+    for frame, wanted in ((0, a), (-1, b)):  # whisker and head are cut into two
+        off = abs(picture(done, frame).astype(int) - picture(wanted)).max(axis=2) > 90
+        assert off.mean() < 3e-3
+    back = morph_drawings(*match_drawings(b, a)[:2], method, 9, 64)
+    assert sorted(back.closed.values()) == sorted(done.closed.values())
+
+
+def test_a_part_without_a_partner_of_its_kind_vanishes_or_appears():
+    line, ring = Curve(np.array([[70, 20], [90, 15.0]]), False), polygon(ROUND * 4)
+    first = drawing(a=[ring, line])
+    one, other = match_drawings(first, drawing(a=ring))[:2]
+    assert list(one.curves) == ["a", "a-2"]
+    assert np.ptp(other.curves["a-2"].points, axis=0).max() < 0.1  # as small as a point
+    # only lines, only regions: the nearest close, the others vanish
+    one, other = match_drawings(drawing(a=line), drawing(a=[ring, polygon(SQUARE + 80)]))[:2]
+    kinds = [(one.curves[name].closed, other.curves[name].closed) for name in one.curves]
+    assert sorted(kinds) == [(False, True), (True, True)]
+    filled = drawing({"a": RED}, a=[ring, Curve(np.array([[15, 15], [20, 25.0]]), False)])
+    with pytest.raises(FinloopError, match="'a': filled, with an open contour within a closed one"):
+        match_drawings(filled, drawing(a=ring))
+    pair_drawings(drawing(a=polygon(SQUARE)), drawing(b=line, c=polygon(SQUARE + 20)),
+                  Pairing({}, splits={"a": ["b", "c"]}))  # fmt: skip
+
+
+def test_pins_of_pieces_and_of_a_line_that_closes(tmp_path):
+    path = tmp_path / "pairs.yaml"
+    a = drawing(
+        eye=polygon(SQUARE * [6, 2] + 20), mouth=Curve(np.array([[20, 70], [80, 70.0]]), False)
+    )
+    b = drawing(left=polygon(ROUND * 2 + 10), right=polygon(ROUND * 2 + [60, 10]),
+                mouth=polygon(SQUARE * 2 + [40, 70]))  # fmt: skip
+    path.write_text(
+        "pairs: {eye: [left, right]}\n"
+        "pins: {eye: [[[20, 20], [20, 10]], [[80, 40], [70, 30]]],"
+        " mouth: [[[35, 70], [50, 70]], [[65, 70], [50, 90]]]}"
+    )
+    done = morph_drawings(*match_drawings(a, b, path)[:2], "fold_free", 9, 96)
+    assert not done.count_fold_frames() and not done.closed["mouth"]
+    for layer, (one, other) in (
+        ("left", ((20, 20), (20, 10))), ("right", ((80, 40), (70, 30))),
+        ("mouth", ((35, 70), (50, 70))), ("mouth", ((65, 70), (50, 90))),
+    ):  # fmt: skip
+        row = np.hypot(*(done.layers[layer][0] - one).T).argmin()
+        assert np.hypot(*(done.layers[layer][0, row] - one)) < 1
+        assert np.hypot(*(done.layers[layer][-1, row] - other)) < 1
+    turned = drawing(mouth=polygon(b.curves["mouth"].points[::-1]))
+    pin = Pins(np.array([[35, 70.0]]), np.array([[50, 70.0]]))
+    for ring in (b.curves["mouth"], turned.curves["mouth"]):
+        line, cut, is_closed = match_any_curves(a.curves["mouth"], ring, 61, pins=pin)
+        assert not is_closed and line[15].tolist() == pytest.approx([35, 70])
+        assert cut[15].tolist() == pytest.approx([50, 70], abs=0.1)
+    same = Pins(np.array([[20, 70], [80, 70.0]]), np.array([[50, 70], [50, 90.0]]))
+    with pytest.raises(FinloopError, match="pins that do not follow each other"):
+        match_any_curves(a.curves["mouth"], ring, 61, pins=same)

@@ -99,7 +99,7 @@ def test_forces_move_the_physical_morph(folder, monkeypatch, capsys):
     physics = ("morph.damping=4", "morph.stiffness_damping=0.05", "morph.frames=12")
     prepare(folder, *SMALL, "morph.method=physical", forces, *physics)
     stages.morph.main()
-    assert "morph: Spine has no dashes, a whole line instead" in capsys.readouterr().err
+    assert "morph: Spine shows dashes as a whole line" in capsys.readouterr().err
     assert 0 < load_numbers(folder / "reports/morph")["rest_time_s"] < 5
     frames = json.loads((folder / "data/morph/physical.json").read_text())["frames"]
     assert len(frames) == 12  # it does not go back

@@ -171,7 +171,16 @@ def test_a_page_says_that_it_pairs_one_shape_with_one(tmp_path, capsys):
         assert not seen.bad
 
 
-@pytest.mark.parametrize("option", [["--force", "gravity=1"], ["--method", "linear"], ["--back"]])
+@pytest.mark.parametrize(
+    "option",
+    [
+        ["--force", "gravity=1"],
+        ["--method", "linear"],
+        ["--back"],
+        ["--fps", "9"],
+        ["--size", "90"],
+    ],
+)
 def test_an_option_that_a_page_has_no_use_for_is_refused(tmp_path, drawings, option, capsys):
     page = tmp_path / "try.html"
     assert main([*map(str, drawings), "-o", str(page), *option])

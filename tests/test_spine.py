@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from finloop.base.drawing import Morph
+from finloop.base.drawing import Drawing, Morph
 from finloop.base.style import Gradient, Paint, Stop
 from finloop.curve.contour import Curve
 from finloop.curve.glyph import glyph_outlines
 from finloop.io.animation import save_animation
+from finloop.morph.layers import morph_drawings
+from finloop.morph.pairs import Pairing, pair_drawings
 from finloop.morph.simple import morph_regions_without_folds
 
 RATE = Fraction(20)
@@ -180,13 +182,34 @@ def test_what_spine_lacks_is_said_by_name(tmp_path):
     )  # fmt: skip
     path, lost = save(tmp_path, odd)
     for what in (
-        "gradients, one colour instead: d",
-        "dashes, a whole line instead: line",
-        f"cross themselves, roughly painted here: bar in 1 of {FRAMES}",
+        "gradients as one colour: d",
+        "dashes as a whole line: line",
+        f"areas that cross themselves roughly: bar in 1 of {FRAMES} frames",
     ):
         assert what in lost
     red, green, blue = bytes.fromhex(json.loads(path.read_text())["slots"][0]["color"])[:3]
     assert red == pytest.approx(2 * green, abs=2) and red > 0 == blue
+
+
+def test_no_line_shows_along_a_cut_or_at_a_lost_hole(tmp_path):
+    box = np.array([[10, 10], [90, 10], [90, 50], [10, 50.0]])
+    lined = {"a": replace(RED, stroke=(0, 0, 0), width=4.0)}
+    whole = Drawing({"a": Curve(box, True)}, 100, 60, lined)
+    halves = [Curve(box * [0.4, 1] + [x, 0], True) for x in (6, 54)]
+    two = Drawing({"b": halves[0], "c": halves[1]}, 100, 60, dict.fromkeys("bc", lined["a"]))
+    pairing = Pairing({}, splits={"a": ["b", "c"]})
+    ringed = replace(whole, curves={**whole.curves, "a#2": Curve(box[::-1] * 0.3 + 20, True)})
+    ringed.styles["a#2"] = lined["a"]
+    for ends, slot, lengths in (
+        (pair_drawings(whole, two, pairing), "line:b", (120, 144)),  # three sides; all four
+        ((ringed, whole), "line:a", (240 + 72, 240)),
+    ):
+        path, lost = save(tmp_path, morph_drawings(*ends, "fold_free", 5, 128))
+        assert "dashes" not in lost
+        content = json.loads(path.read_text())
+        item = next(one for one in content["slots"] if one["name"] == slot)
+        shown = [abs(areas(*pose(content, item, frame))).sum() / 4 for frame in (0, 4)]
+        assert shown == pytest.approx(lengths, rel=0.04)  # corners are mitred
 
 
 def test_atlas_and_picture_are_there_and_a_still_drawing_has_no_timelines(tmp_path):

@@ -189,7 +189,7 @@ def _draw_line(mask: NDArray[np.uint8], points: Points, closed: bool, line: Pain
         ends = np.column_stack([np.interp([start, end], along, axis) for axis in points.T])
         return np.concatenate([ends[:1], inside, ends[1:]])
 
-    for start, end in _dash_spans(line, along[-1]):
+    for start, end in dash_spans(line, along[-1]):
         if line.round_dashes:
             fixed = _to_fixed_point(cut_line(start, end))
             cv2.polylines(mask, [fixed], False, 255, thickness, cv2.LINE_8, _SHIFT)
@@ -207,7 +207,7 @@ def _draw_line(mask: NDArray[np.uint8], points: Points, closed: bool, line: Pain
     return 1.0
 
 
-def _dash_spans(line: Paint, length: float) -> Iterator[tuple[float, float]]:
+def dash_spans(line: Paint, length: float) -> Iterator[tuple[float, float]]:
     """Yield where along a line each dash starts and ends; length: of the line."""
     edges = np.r_[0.0, np.cumsum(line.dashes)]
     begin = -(line.dash_offset % edges[-1])

@@ -55,6 +55,7 @@ class Paint:
     dashes: tuple[float, ...] = ()
     dash_offset: float = 0.0  # where in the dashes the line begins
     round_dashes: bool = False  # whether dashes have round ends, else straight ones
+    leaves_gaps: bool = False  # whether the dashes are what a cut or a lost hole leaves of a line
 
 
 # --- between two paints

@@ -181,5 +181,7 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
     parser.add_argument("--cycles", type=int, default=1, help="number of cycles (default 1)")
     parser.add_argument("--points", type=int, default=128, help="per contour (default 128)")
     add_resolution_options(parser, "", "the gait's")
-    parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
+    parser.add_argument(
+        "--size", type=int, default=512, help="longer side of .webp and .mp4, px (default 512)"
+    )
     return parser

@@ -18,8 +18,8 @@ from PIL import Image
 
 from finloop.base.arrays import Complex, Floats, Ints, Points
 from finloop.base.drawing import Morph
-from finloop.base.paint import Shape, painted_frames
-from finloop.base.style import Gradient, colours_at, gradient_offsets
+from finloop.base.paint import Shape, dash_spans, painted_frames
+from finloop.base.style import Gradient, Paint, colours_at, gradient_offsets
 from finloop.base.triangles import cross_products, triangulate
 from finloop.io.atomic import save_bytes
 from finloop.io.record import save_json
@@ -145,25 +145,25 @@ def _build_slot_meshes(morph: Morph) -> tuple[list[_SlotMesh], list[str]]:
             morph.layers[layer][frames] * [1, -1] + [0, morph.height] for layer in shapes[0].layers
         ]
         if any(isinstance(fill, Gradient) for p in paints for fill in (p.fill, p.stroke)):
-            lost.setdefault("no gradients, one colour instead", []).append(name)
-        if any(paint.dashes for paint in paints):
-            lost.setdefault("no dashes, a whole line instead", []).append(name)
+            lost.setdefault("gradients as one colour", []).append(name)
+        if any(paint.dashes and not paint.leaves_gaps for paint in paints):
+            lost.setdefault("dashes as a whole line", []).append(name)
         if any(paint.fill is not None for paint in paints):
             contours.sort(key=lambda stack: -np.ptp(stack[0], axis=0).prod())  # the outer one first
             sizes = [stack.shape[1] for stack in contours]
             vertices = np.concatenate(contours, axis=1)
             meshes, flawed, rough = _find_meshes(vertices, sizes)
             for what, number in (
-                ("no triangles that lead to the next frame without a flaw", flawed),
-                ("no areas that cross themselves, roughly painted here", rough),
+                ("slivers for a moment between two frames", flawed),
+                ("areas that cross themselves roughly", rough),
             ):
                 if number:
-                    lost.setdefault(what, []).append(f"{name} in {number} of {count}")
+                    lost.setdefault(what, []).append(f"{name} in {number} of {count} frames")
             colours = _slot_colours(shapes, frames, "fill", morph)
             parts.append(_SlotMesh(f"fill:{name}", vertices, sizes[0], meshes, colours))
         if any(paint.stroke is not None for paint in paints):
             parts.append(_build_stroke_mesh(morph, shapes, frames))
-    return parts, [f"Spine has {what}: {', '.join(names)}" for what, names in lost.items()]
+    return parts, [f"Spine shows {what}: {', '.join(names)}" for what, names in lost.items()]
 
 
 def _slot_colours(
@@ -247,12 +247,15 @@ def _last_frame_without_flip(stack: Points, frame: int, triangles: Ints) -> int:
 
 
 def _build_stroke_mesh(morph: Morph, shapes: Sequence[Shape], frames: Sequence[int]) -> _SlotMesh:
-    """Return the mesh of a shape's stroke: a strip along each contour."""
-    half_widths = np.array([shapes[frame].paint.width / 2 for frame in frames])
+    """Return the lines of a shape, given in every frame, as a strip along each contour."""
     strips, triangles, hull, offset = list[Points](), list[Ints](), 0, 0
     for layer, closed in zip(shapes[0].layers, shapes[0].closed, strict=True):
         points = morph.layers[layer][frames] * [1, -1] + [0, morph.height]
-        strip = _stroke_outline(points, closed, half_widths)
+        half_widths = [
+            _half_widths(shapes[frame].paint, line, closed)
+            for frame, line in zip(frames, points, strict=True)
+        ]
+        strip = _stroke_outline(points, closed, np.stack(half_widths))
         side = strip.shape[1] // 2  # vertices on the left; those on the right follow
         near = np.arange(side if closed else side - 1)
         far = (near + 1) % side
@@ -267,10 +270,24 @@ def _build_stroke_mesh(morph: Morph, shapes: Sequence[Shape], frames: Sequence[i
     return _SlotMesh(name, np.concatenate(strips, axis=1), hull, [mesh], colours)
 
 
-def _stroke_outline(points: Points, closed: bool, half_widths: Floats) -> Points:
-    """Return the left, then the right side (f, 2 m, 2) of a stroke along points (f, n, 2).
+def _half_widths(paint: Paint, points: Points, closed: bool) -> Floats:
+    """Return half the width of a line at its points (n, 2): (n,), 0 in gaps of cuts, lost holes."""
+    half = np.full(len(points), paint.width / 2)
+    if not (paint.leaves_gaps and paint.dashes):
+        return half
+    ring = np.concatenate([points, points[:1]]) if closed else points
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(ring, axis=0).T))]
+    places = along[: len(points)]
+    is_shown = np.zeros(len(points), bool)
+    for start, end in dash_spans(paint, float(along[-1])):
+        is_shown |= (places >= start) & (places <= end)
+    return half * is_shown
 
-    half_widths (f,): half its width. Open lines have round ends. Corners are mitred, up to MITRE.
+
+def _stroke_outline(points: Points, closed: bool, half_widths: Floats) -> Points:
+    """Return the left and then the right side (f, 2 m, 2) of a line along points (f, n, 2).
+
+    half_widths (f, n): half its width. Open lines have round ends. Corners are mitred, up to MITRE.
     """
     if closed:
         before, after = points - np.roll(points, 1, axis=1), np.roll(points, -1, axis=1) - points
@@ -285,11 +302,11 @@ def _stroke_outline(points: Points, closed: bool, half_widths: Floats) -> Points
     mean = (directions[0] + directions[1]) / 2
     # |mean| is the cosine of half the turn; a mitre is 1 / cosine half widths long.
     square = np.maximum((mean**2).sum(axis=2), 1 / MITRE**2)[..., None]
-    normals = mean[..., ::-1] * [-1, 1] / square * half_widths[:, None, None]
+    normals = mean[..., ::-1] * [-1, 1] / square * half_widths[..., None]
     if not closed:
         ends = []
         for index, sign in ((0, -1), (-1, 1)):
-            along = directions[1][:, index, None] * (half_widths[:, None, None] * sign)
+            along = directions[1][:, index, None] * (half_widths[:, index, None, None] * sign)
             middle = points[:, index, None] + np.sin(ROUND_END)[:, None] * along
             ends.append((middle, np.cos(ROUND_END)[:, None] * normals[:, index, None]))
         (start, start_normals), (end, end_normals) = ends

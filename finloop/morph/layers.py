@@ -302,7 +302,13 @@ def _hide_points(paint: Paint, lengths: Floats) -> Paint:
         return paint
     dash = 2 * float(lengths.max())
     # The line begins within the gap: a dash that ends where it begins would be a dot.
-    return replace(paint, dashes=(dash, gap), dash_offset=dash + 0.1 * gap, round_dashes=True)
+    return replace(
+        paint,
+        dashes=(dash, gap),
+        dash_offset=dash + 0.1 * gap,
+        round_dashes=True,
+        leaves_gaps=True,
+    )
 
 
 def _find_cut_edges(points: Points, cuts: Points) -> Mask:
@@ -360,6 +366,7 @@ def _leave_gaps(
         dashes=tuple(np.stack([dashes, widths], axis=1).ravel().tolist()),
         dash_offset=float((-first_dash) % along[-1]),
         round_dashes=True,
+        leaves_gaps=True,
     )
 
 
@@ -502,11 +509,12 @@ def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:
     what: the noun for the message, such as "morph"; least_frames: fewest frames allowed.
     """
     for came, count, least, most, usual in (
-        (f"a {what} of {frames} frames", frames, least_frames, MOST_FRAMES, "24 frames or more"),
-        (f"contours of {points} points", points, LEAST_POINTS, MOST_POINTS, "128 points"),
+        (f"a {what} of {frames} frames", frames, least_frames, MOST_FRAMES, 24),
+        (f"contours of {points} points", points, LEAST_POINTS, MOST_POINTS, 128),
     ):
         if not least <= count <= most:
-            raise FinloopError(came, f"{least} … {most}", f"set {usual}")
+            do = f"set a number in this range; {usual} is usual"
+            raise FinloopError(came, f"{least} … {most}", do)
 
 
 def _check_shapes(first: Collection[str], second: Collection[str]) -> None:

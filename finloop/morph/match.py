@@ -9,7 +9,7 @@ Pins are corresponding places that a user names. Between two of them, points hav
 
 An open and a closed curve become curves of one kind in two ways. The one with the smaller sum Σ is
 the result: the open curve doubled, there and back, which opens like a mouth; or the closed curve
-cut at a point, whose ends part.
+cut at a point, whose ends part. With pins, it is the second way.
 """
 
 from typing import NamedTuple
@@ -95,18 +95,17 @@ def match_any_curves(
 ) -> tuple[Floats, Floats, bool]:
     """Return two curves, one perhaps open, as corresponding points (n, 2), and if they are closed.
 
-    One may be open and the other closed. FinloopError as in `match_curves`, or if such a pair has
-    pins.
+    One may be open and the other closed; if such a pair has pins, the closed one is cut between
+    them. FinloopError as in `match_curves`.
     """
     if a.closed == b.closed:
         return *match_curves(a, b, n, resolution, pins), a.closed
-    if pins is not None and len(pins.first):
-        raise FinloopError(
-            "pins of a curve that is open in one drawing and closed in the other",
-            "pins of two open curves or two closed ones",
-            "omit these pins, or draw both curves open or both closed",
-        )
     line, ring = (b, a) if a.closed else (a, b)
+    if pins is not None and len(pins.first):
+        on_line, on_ring = pins[::-1] if a.closed else pins
+        as_lines = _cut_ring_by_pins(line, ring, n, Pins(on_line, on_ring))
+        points = resolution.reduce_curves(np.stack(as_lines[::-1] if a.closed else as_lines), False)
+        return points[0], points[1], False
     doubled = _double_line(resample_curve(line, n // 2 + 1).points)
     if n % 2:
         doubled = np.concatenate([doubled, doubled[[0, -1]].mean(axis=0, keepdims=True)])
@@ -155,6 +154,33 @@ def _cut_ring(line: Floats, ring: Floats) -> tuple[Floats, Floats]:
         whole = np.concatenate([[begin + gap], rolled, [begin - gap]])
         candidates.append(resample_curve(Curve(whole, False), len(line)).points)
     return line, min(candidates, key=lambda points: _misfit(line, points))
+
+
+def _cut_ring_by_pins(line: Curve, ring: Curve, n: int, pins: Pins) -> tuple[Floats, Floats]:
+    """Return an open curve (n, 2), and a closed one (n, 2) cut between its last and first pin.
+
+    The cut divides that part as the ends of the open curve beyond its pins compare. FinloopError if
+    the pins have another order along the one than along the other.
+    """
+    shares = _length_shares(line, pins.first)
+    first, last = int(shares.argmin()), int(shares.argmax())
+    before, after = float(shares[first]), 1 - float(shares[last])
+    candidates, problems = [], []
+    for way in (ring, Curve(ring.points[::-1], True)):
+        places = _length_shares(way, pins.second)
+        part = (places[first] - places[last]) % 1.0 or 1.0  # of the ring; all of it for one pin
+        cut = places[last] + part * after / max(before + after, 1e-300)
+        along, gap = _lengths(way), CUT / (2 * n)
+        corners = np.sort((along[:-1] / along[-1] - cut) % 1.0)
+        corners = corners[(corners > gap) & (corners < 1 - gap)]
+        opened = Curve(_points_at(way, cut + np.r_[gap, corners, 1 - gap]), False)
+        try:
+            candidates.append(_number_points_by_pins(line, opened, n, pins))
+        except FinloopError as error:
+            problems.append(error)
+    if not candidates:
+        raise problems[0]
+    return min(candidates, key=lambda pair: _misfit(*pair))
 
 
 def _number_ring_alike(first: Floats, second: Floats) -> Floats:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
+import skimage.measure
 import yaml
 from numpy.typing import NDArray
 
@@ -21,8 +22,9 @@ from finloop.base.drawing import LARGEST, Drawing
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART, layers_by_shape
 from finloop.base.style import Fill, Paint, scale_paint
-from finloop.curve.contour import Curve, orient_clockwise, resample_curve
+from finloop.curve.contour import Curve, nearest_on_curve, orient_clockwise, resample_curve
 from finloop.morph.layers import fit_drawing
+from finloop.morph.match import Pins
 from finloop.morph.regions import Region, group_regions, split_regions
 from finloop.morph.split import Piece, split_line, split_region
 
@@ -379,30 +381,35 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
     A shape that vanishes is in the second as small as a point, one that appears in the first. It
     lies above the shape that is below it in the second drawing. A shape that becomes several is cut
     into as many, which have their ids; so is one with more separate parts in the other drawing. The
-    pins of both drawings, by the ids of the first, stay at their shapes. FinloopError if a shape
-    cannot be cut, or one with pins is cut or has no partner.
+    pins of both drawings, by the ids of the first, stay at their shapes, or go to the nearest
+    piece. FinloopError if a shape cannot be cut, or one with pins has no partner.
     """
     first, second = shape_contours(a), shape_contours(b)
     merged = dict[str, list[str]]()
     for name, other in pairing.pairs.items():
         merged.setdefault(other, []).append(name)
-    rows = list[_Row]()
+    order = list(first), list(second)
+    placed = list[tuple[list[int], _Row]]()  # with their places in either drawing
     for name, contours in first.items():
         others = (
             pairing.splits.get(name) or [pairing.pairs[name]] if name not in pairing.vanish else []
         )
         if not others:
-            rows.append(_Row(name, (name, None), (contours, ())))
+            placed.append(([order[0].index(name), 0], _Row(name, (name, None), (contours, ()))))
         elif (
             others[0] not in merged or merged[others[0]][0] == name
         ):  # all of one shape at its first
             names = merged.get(others[0], [name])
             for row in _join_shapes((a, names), (b, others)):
-                used = {*(other.name for other in rows), *(first.keys() - set(names))}
-                rows.append(row._replace(name=_unused_name(row.name, used)))
-    order = list(first), list(second)
-    rows.sort(key=lambda row: [side.index(name) if name else 0
-                               for side, name in zip(order, row.sources, strict=True)])  # fmt: skip
+                used = {*(other.name for _, other in placed), *(first.keys() - set(names))}
+                places = [
+                    side.index(source or usual)
+                    for side, source, usual in zip(
+                        order, row.sources, (name, others[0]), strict=True
+                    )
+                ]
+                placed.append((places, row._replace(name=_unused_name(row.name, used))))
+    rows = [row for _, row in sorted(placed, key=lambda item: item[0])]
     below: str | None = None  # the shape below in the second drawing
     for other in second:
         if other in pairing.appear:
@@ -413,25 +420,42 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
             name = _unused_name(other, [row.name for row in rows])
             rows.insert(at, _Row(name, (None, other), ((), second[other])))
         below = other
-    _require_pins(a.pins, rows)
-    return _take_side(a, b, rows, 0), _take_side(b, a, rows, 1)
+    pins = _pins_by_row(a, b, rows)
+    return _take_side(a, b, rows, 0, pins), _take_side(b, a, rows, 1, pins)
 
 
-def _require_pins(pins: Iterable[str], rows: Sequence[_Row]) -> None:
-    """Raise FinloopError unless each shape with pins becomes exactly one other."""
-    whole = {
-        row.name
-        for row in rows
-        if row.sources[0] == row.name
-        and row.sources[1]
-        and not any(c is not None for c in row.cuts)
-    }
-    if lost := [name for name in pins if name not in whole]:
-        raise FinloopError(
-            f"pins of {', '.join(map(repr, lost))}: not in the first drawing, cut, or vanishing",
-            "pins of shapes that become one shape",
-            "correct the pins in the file of pairs",
-        )
+def _pins_by_row(a: Drawing, b: Drawing, rows: Sequence[_Row]) -> dict[str, Pins]:
+    """Return the pins of two drawings, both by the ids of the first, by the names of rows.
+
+    A pin of a shape that is cut goes to the piece with the least sum of distances from both ends.
+    FinloopError if a shape with pins has no partner.
+    """
+    by_row = dict[str, Pins]()
+    for name, places in a.pins.items():
+        parts = [row for row in rows if row.sources[0] == name and row.sources[1]]
+        if not parts:
+            raise FinloopError(
+                f"pins of {name!r}: not in the first drawing, or vanishing",
+                "pins of shapes that become others",
+                "correct the pins in the file of pairs",
+            )
+        far = np.sum(
+            [
+                [_distances(side, row.contours[number]) for row in parts]
+                for number, side in enumerate((places, b.pins[name]))
+            ],
+            axis=0,
+        )  # (parts, pins)
+        for number, row in enumerate(parts):
+            if (own := far.argmin(axis=0) == number).any():
+                by_row[row.name] = Pins(places[own], b.pins[name][own])
+    return by_row
+
+
+def _distances(places: Points, contours: Sequence[Curve]) -> Floats:
+    """Return the distances (k,) of places (k, 2) from the nearest of several contours."""
+    gaps = [np.hypot(*nearest_on_curve(places, curve)[1].T) for curve in contours]
+    return np.asarray(np.min(gaps, axis=0))
 
 
 def _join_shapes(
@@ -449,10 +473,11 @@ def _join_shapes(
     contours = [[curve for _, curves in side for curve in curves] for side in sides]
     is_pair = len(sides[0]) == len(sides[1]) == 1
     whole = _Row(first[1][0], (first[1][0], second[1][0]), (contours[0], contours[1]))
-    if not all(curve.closed for side in contours for curve in side):
-        if is_pair:
+    kinds = [[curve.closed for curve in side] for side in contours]
+    if not all(kinds[0] + kinds[1]):
+        if is_pair and (kinds[0] == kinds[1] or len(kinds[0]) == len(kinds[1]) == 1):
             return [whole]
-        return _join_lines(names, *sides)
+        return _join_kinds(names, first[0], second[0], *sides)
     if is_pair and len(contours[0]) == len(contours[1]) == 1:
         return [whole]
     try:
@@ -498,34 +523,104 @@ def _join_regions(
     return rows
 
 
-def _join_lines(
-    names: str,
-    first: Sequence[tuple[str, list[Curve]]],
-    second: Sequence[tuple[str, list[Curve]]],
-) -> list[_Row]:
-    """Return the rows of one open curve that becomes several, or of several that become one."""
-    if any(len(curves) > 1 or curves[0].closed for _, curves in (*first, *second)):
-        raise FinloopError(
-            f"shape {names!r}: one shape that becomes several, some of them open",
-            "closed shapes, or single open contours",
-            "close them (Z), or give each contour a path and an id of its own",
+_Parts = list[tuple[str, Region]]
+"""Parts of shapes with the ids of these: regions, or lines in the form of regions without holes."""
+
+
+def _join_kinds(
+    names: str, a: Drawing, b: Drawing,
+    first: Sequence[tuple[str, list[Curve]]], second: Sequence[tuple[str, list[Curve]]],
+) -> list[_Row]:  # fmt: skip
+    """Return the rows of shapes with open contours: lines become lines, and regions regions.
+
+    If one drawing has only lines and the other one only regions, lines close to regions without
+    holes. A part without a partner vanishes, or appears. first, second: contours by the ids of
+    shapes. FinloopError if a filled shape has a line within a region: it would be a hole.
+    """
+    sides: list[tuple[_Parts, _Parts]] = []  # regions and lines
+    for drawing, shapes in ((a, first), (b, second)):
+        regions, lines = _Parts(), _Parts()
+        for name, curves in shapes:
+            closed = [curve for curve in curves if curve.closed]
+            own = split_regions(closed) if closed else []
+            single = [curve for curve in curves if not curve.closed]
+            _require_no_line_inside(names, drawing.styles.get(name), own, single)
+            regions += [(name, region) for region in own]
+            lines += [(name, Region(curve, [])) for curve in single]
+        sides.append((regions, lines))
+    (regions_a, lines_a), (regions_b, lines_b) = sides
+    by_one = len(second) > 1
+    rows = list[_Row]()
+    if regions_a and regions_b:
+        rows += _join_regions(a, b, regions_a, regions_b)
+        regions_a, regions_b = [], []
+    if lines_a and lines_b:
+        rows += _join_lines(lines_a, lines_b, by_one)
+        lines_a, lines_b = [], []
+    left_a, left_b = regions_a + lines_a, regions_b + lines_b
+    if left_a and left_b and not any(region.holes for _, region in left_a + left_b):
+        sources = {id(region.outer): name for name, region in left_a + left_b}
+        paired = set[int]()
+        for ones, others in group_regions([r for _, r in left_a], [r for _, r in left_b]):
+            pair = ones[0].outer, others[0].outer
+            paired |= set(map(id, pair))
+            ids = sources[id(pair[0])], sources[id(pair[1])]
+            rows.append(_Row(ids[by_one], ids, ([pair[0]], [pair[1]])))
+        left_a, left_b = (
+            [part for part in left if id(part[1].outer) not in paired] for left in (left_a, left_b)
         )
-    lines = [[curves[0] for _, curves in side] for side in (first, second)]
-    if len(first) == 1:
-        lines[0] = split_line(lines[0][0], lines[1])
-    else:
-        lines[1] = split_line(lines[1][0], lines[0])
-    sources = [(one, other) for one, _ in first for other, _ in second]
-    return [
-        _Row(pair[len(second) > 1], pair, ([one], [other]))
-        for pair, one, other in zip(sources, *lines, strict=True)
-    ]
+    rows += [_Row(name, (name, None), ([r.outer, *r.holes], ())) for name, r in left_a]
+    rows += [_Row(name, (None, name), ((), [r.outer, *r.holes])) for name, r in left_b]
+    return rows
 
 
-def _take_side(drawing: Drawing, other: Drawing, rows: Sequence[_Row], side: int) -> Drawing:
-    """Return one of two drawings with the shapes of all rows; a shape that it lacks is a point.
+def _require_no_line_inside(
+    names: str, paint: Paint | None, regions: Sequence[Region], lines: Sequence[Curve]
+) -> None:
+    """Raise FinloopError if a filled shape has an open contour within a closed one."""
+    if paint is None or paint.fill is None:
+        return
+    outlines = [region.outer.points for region in regions]
+    if any(skimage.measure.points_in_poly(line.points, outline).any()
+           for outline in outlines for line in lines):  # fmt: skip
+        raise FinloopError(
+            f"shape {names!r}: filled, with an open contour within a closed one",
+            "holes that are closed",
+            "close it (Z), or give it a path and an id of its own",
+        )
 
-    side: 0 for the first drawing, 1 for the second.
+
+def _join_lines(first: _Parts, second: _Parts, by_one: bool) -> list[_Row]:
+    """Return the rows of lines that become lines: one becomes one, or several, or the reverse.
+
+    by_one: whether rows have the ids of the second drawing.
+    """
+    sources = {id(line.outer): name for name, line in (*first, *second)}
+    rows = list[_Row]()
+    for ones, others in group_regions([line for _, line in first], [line for _, line in second]):
+        lines = [[line.outer for line in side] for side in (ones, others)]
+        ids = [[sources[id(line)] for line in side] for side in lines]
+        if len(lines[0]) != len(lines[1]):
+            cut = int(len(lines[1]) < len(lines[0]))  # the side that is one
+            lines[cut] = split_line(lines[cut][0], lines[1 - cut])
+            ids[cut] *= len(lines[cut])
+        rows += [
+            _Row(both[by_one], both, ([one], [other]))
+            for both, one, other in zip(zip(*ids, strict=True), *lines, strict=True)
+        ]
+    return rows
+
+
+def _take_side(
+    drawing: Drawing,
+    other: Drawing,
+    rows: Sequence[_Row],
+    side: int,
+    pins: Mapping[str, Pins],
+) -> Drawing:
+    """Return a drawing with the shapes of rows, those of the other drawing as small as points.
+
+    side: 0 for the first drawing, 1 for the second; pins: by the names of rows.
     """
     curves, cuts = dict[str, Curve](), dict[str, Points]()
     styles, groups = dict[str, Paint](), dict[str, tuple[str, ...]]()
@@ -546,7 +641,8 @@ def _take_side(drawing: Drawing, other: Drawing, rows: Sequence[_Row], side: int
             groups |= dict.fromkeys(names, drawing.groups[source])
         if (row_cuts := row.cuts[side]) is not None and len(row_cuts):
             cuts[row.name] = row_cuts
-    return replace(drawing, curves=curves, styles=styles, groups=groups, cuts=cuts)
+    own_pins = {name: pair[side] for name, pair in pins.items()}
+    return replace(drawing, curves=curves, styles=styles, groups=groups, cuts=cuts, pins=own_pins)
 
 
 def _unused_name(name: str, used: Collection[str]) -> str:

@@ -87,7 +87,7 @@ def _require_apart(contours: Sequence[Curve]) -> None:
         raise FinloopError(
             "a region whose contours meet each other or themselves",
             "contours that are apart",
-            f"correct the drawing, give each contour {own}, or use the method linear",
+            f"correct the drawing, or give each contour {own}",
         )
 
 

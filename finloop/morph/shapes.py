@@ -45,9 +45,12 @@ def _pair_parts(
     if max(len(a), len(b)) > 1 and all(curve.closed for curve in (*a, *b)):
         try:
             return pair_regions(a, b)
-        except FinloopError:
-            if strict or len(a) != len(b):
+        except FinloopError as error:
+            if len(a) != len(b):
                 raise
+            if strict:  # other methods pair these contours in their order
+                do = f"{error.do}; or use the method linear"
+                raise FinloopError(error.came, error.wanted, do) from error
     if len(a) != len(b):
         raise FinloopError(
             f"contours: {len(a)} in the first drawing, {len(b)} in the second, some of them open",

@@ -34,7 +34,7 @@ from finloop.morph.layers import (
 from finloop.morph.match import FULL, Resolution
 from finloop.morph.pairs import FORM, load_pairing, match_drawings
 
-FRAMES, POINTS = 60, 256  # without options
+FRAMES, POINTS, FPS, SIZE_PX = 60, 256, Fraction(30), 512  # without options
 PAGE = ".html"
 
 
@@ -80,13 +80,15 @@ def _write_morph(options: argparse.Namespace) -> str:
     if options.b is not None:
         a, b, pairing = match_drawings(a, load_svg(options.b), options.pairs)
     given, rest = (points, *_curve_options(options)), ""
+    rate = FPS if options.fps is None else options.fps
+    size_px = SIZE_PX if options.size is None else options.size
     if forces:
-        motion = move_drawing(a, b, forces, frames, options.fps, *given)
+        motion = move_drawing(a, b, forces, frames, rate, *given)
         result, rest = motion.morph, describe_rest(motion.rest_time)
     else:
         result = morph_drawings(a, b, method or "fold_free", frames, *given)
     shown = there_and_back(result) if options.back else result
-    lost = save_animation(options.output, shown, options.fps, options.size)
+    lost = save_animation(options.output, shown, rate, size_px)
     return "; ".join(filter(None, [_summarise_morph(result), rest, pairing, lost]))
 
 
@@ -102,11 +104,12 @@ def _write_trial_page(options: argparse.Namespace, frames: int, points: int) -> 
 
     FinloopError without a second drawing, or with an option that a page has no use for.
     """
-    unused = [f"--{name}" for name in ("force", "method", "back") if getattr(options, name)]
+    names = "force", "method", "back", "fps", "size"
+    unused = [f"--{name}" for name in names if getattr(options, name) not in (None, False, [])]
     if unused or options.b is None:
         raise FinloopError(
             f"a trial page ({PAGE}) with {', '.join(unused) or 'one drawing'}",
-            "two drawings alone: the page shows all methods, and pairs to choose from",
+            "two drawings alone: the page shows all methods and pairs, in its own size and time",
             "give two drawings without these options, or another ending of the output",
         )
     content, summary = trial.build_trial_page(
@@ -163,13 +166,13 @@ def _build_parser(program: str) -> argparse.ArgumentParser:
         type=int,
         help=f"including both ends (default {FRAMES}, of a page {trial.FRAMES})",
     )
-    parser.add_argument(
-        "--fps", type=parse_frame_rate, default=Fraction(30), help="frames/s, default 30"
-    )
+    parser.add_argument("--fps", type=parse_frame_rate, help=f"frames/s (default {FPS})")
     parser.add_argument(
         "--points", type=int, help=f"per contour (default {POINTS}, of a page {trial.POINTS})"
     )
-    parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
+    parser.add_argument(
+        "--size", type=int, help=f"longer side of .webp and .mp4, px (default {SIZE_PX})"
+    )
     parser.add_argument("--back", action="store_true", help="append the morph in reverse")
     add_resolution_options(parser, "the physical stiffness", FULL.wavelet)
     usual = PhysicalOptions()
