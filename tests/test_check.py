@@ -229,6 +229,19 @@ def test_each_fault_is_found_and_no_other(carp):
     assert faults([carp[0]] * 20) >= {"contrast"}  # nothing moves
 
 
+@pytest.mark.parametrize("levels", [2, 4, 8])
+def test_flicker_of_few_grey_levels_is_not_taken_for_a_large_shift(carp, levels):
+    lamp = np.random.default_rng(1).uniform(0.9, 1.1, len(carp))
+    step = 256 // levels
+    frames = [
+        np.clip(frame * gain, 0, 255).astype(np.uint8) // step * step
+        for frame, gain in zip(carp, lamp, strict=True)
+    ]
+    quality, table, _ = check_frames(frames)
+    assert not (table[["shift_x", "shift_y"]].abs() > 1).to_numpy().any()
+    assert not quality.shake_px > 0.5
+
+
 @pytest.mark.parametrize("frames", [EXAMINED + 1, 150, 500, 1500, 10_000])
 def test_a_long_film_is_examined_in_spread_runs_from_key_frames(frames):
     numbers = np.array(choose_examined_frames(frames, 12))

@@ -214,12 +214,18 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
 
 
 def _judge_shift(shift_px: Floats, fit: _Fit, tank: Landmarks) -> Shift:
-    """Return a fitted shift, with how far tiles disagree; `UNKNOWN` if too few tiles support it.
+    """Return a fitted shift, with how far tiles disagree; `UNKNOWN` if it is not trustworthy.
 
     `apart` is the median distance [px] of the tiles' own shifts from the whole picture's, to the
     right or down, whichever is larger. shift_px: (2,), in the reduced picture; fit: of the frame
     after that shift; tank: its landmarks.
     """
+    # The tank's edges must stand out from what the fit leaves over, else it found something else.
+    weight = fit.weight + 1e-9
+    mean_level = np.average(tank.level, weights=weight)
+    contrast = np.average((tank.level - mean_level) ** 2, weights=weight) ** 0.5
+    if fit.coefficients[2] * contrast < fit.sigma:
+        return UNKNOWN
     apart, sure = [], _SURE / tank.reduction
     for slope in (tank.slope_right, tank.slope_down):
         # By tile, as in least squares: push / information is how far its marks alone would move the
