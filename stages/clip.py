@@ -14,7 +14,7 @@ from finloop.base.finding import Finding
 from finloop.clip.check import Quality, psnr_db
 from finloop.clip.rewrite import Watch, make_clip
 from finloop.clip.settings import ClipSettings, FootageSettings
-from finloop.clip.verdict import REPAIRS, list_findings
+from finloop.clip.verdict import REPAIRS, judge_completeness, list_findings
 from finloop.clip.write import ClipSource, open_clip_source
 from finloop.io.atomic import whole_folder
 from finloop.io.footage import list_films, read_file_stamps, refuse_changed_film, unique_film_names
@@ -122,7 +122,10 @@ def _film_findings(metrics: dict[str, float]) -> dict[str, list[Finding]]:
         refused = {repair for repair in REPAIRS if f"{prefix}refused_{repair}" in metrics}
         quality = Quality.from_metrics(metrics, prefix)
         quality_as_filmed = Quality.from_metrics(metrics, f"{prefix}filmed_")
-        findings[name] = list_findings(quality, quality_as_filmed, repaired, refused)
+        findings[name] = [
+            judge_completeness(int(metrics[f"{prefix}frames_missing"])),
+            *list_findings(quality, quality_as_filmed, repaired, refused),
+        ]
     return findings
 
 

@@ -628,7 +628,25 @@ def test_names_without_a_common_form_are_in_natural_order(tmp_path):
     names = ["a.png", "b2.png", "c10_3.png", "d.png"]
     folder = write_pictures(tmp_path / "film", map(picture, range(4)), names=names)
     footage = open_footage(folder, frame_rate_hz=10)
-    assert numbers(read(footage)[1]) == [0, 1, 2, 3] and footage.notes == ()
+    assert numbers(read(footage)[1]) == [0, 1, 2, 3]
+    assert "alphabetical order" in footage.notes[0]
+
+
+@pytest.mark.parametrize("names", ["frame_{:04x}.png", "{:02X}.png"])
+def test_hexadecimal_numbers_are_numbers(tmp_path, names):
+    there = [k for k in range(20) if k not in (11, 12)]
+    named = [names.format(k) for k in there]
+    folder = write_pictures(tmp_path / "film", map(picture, there), names=named)
+    footage = open_footage(folder, frame_rate_hz=10)
+    times, frames = read(footage, loss := LostFrames())
+    assert numbers(frames) == there and loss.gaps == 2
+    np.testing.assert_allclose(times, np.array(there) / 10)
+
+
+def test_a_film_in_parts_goes_on_where_the_part_before_ends(tmp_path):
+    names = [f"s{k // 6}_{k % 6}.png" for k in range(18)]
+    folder = write_pictures(tmp_path / "film", map(picture, range(18)), names=names)
+    assert numbers(read(open_footage(folder, frame_rate_hz=6))[1]) == list(range(18))
 
 
 def test_two_cameras_in_a_folder_are_refused_and_times_are_not(tmp_path):
@@ -636,7 +654,8 @@ def test_two_cameras_in_a_folder_are_refused_and_times_are_not(tmp_path):
     counted = [f"cam{c}_{k}.png" for c in (1, 2) for k in range(9)]
     behind = [f"f{k}_cam{c}.png" for k in range(9) for c in (1, 2)]
     for names in (cameras, counted, behind):
-        folder = write_pictures(tmp_path / names[0], map(picture, range(18)), names=names)
+        shots = [picture(k % 9) for k in range(18)]
+        folder = write_pictures(tmp_path / names[0], shots, names=names)
         with pytest.raises(FinloopError, match=r"several kinds: 9 .*, 9 "):
             open_footage(folder, frame_rate_hz=10)
     times = [f"12_30_{k // 5:02}_{k % 5 * 200:03}.png" for k in range(18)]
@@ -853,6 +872,20 @@ def test_levels_of_sixteen_bits_are_stretched(tmp_path, source, colour):
     assert footage.colour == colour
     assert footage.levels == pytest.approx((500, 4500), abs=3)
     np.testing.assert_allclose(read(footage)[1][0], (levels - 500.0) * 255 / 4000, atol=0.8)
+
+
+@pytest.mark.parametrize("bits", [12, 16])
+def test_yuv_of_sixteen_bits_is_stretched_only_if_it_does_not_fill_them(tmp_path, bits):
+    grey = np.linspace(0.1, 0.9, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH)
+    levels = (np.dstack([grey, grey[::-1], grey]) * 2**bits).astype(np.uint16)
+    path = make_film(
+        tmp_path / "a.mkv", [levels] * 3, codec="ffv1", pix_fmt="yuv444p16le", source="rgb48le"
+    )
+    footage = open_footage(path)
+    low, high = (0.1, 0.9) if bits == 12 else (0.0, 1.0)
+    assert footage.colour and (footage.levels is not None) == (bits == 12)
+    wanted = np.clip((levels / 2**bits - low) / (high - low), 0, 1) * 255
+    np.testing.assert_allclose(read(footage)[1][0], wanted, atol=4)
 
 
 @pytest.mark.parametrize("colour", [False, True])
@@ -1260,6 +1293,22 @@ def test_a_film_that_breaks_off_is_used_up_to_there_and_what_is_missing_is_said_
     assert metrics["frames_missing"] + metrics["frames"] == 50
     assert "WARNING: the film breaks off" in capsys.readouterr().err
     assert "breaks off" in load_facts(stage.CLIP / "facts.json").notes[-1]
+
+
+@pytest.mark.parametrize(("ending", "codec"), [(".mkv", "mjpeg"), (".ts", "libx264")])
+def test_a_film_that_was_cut_off_lacks_frames_and_the_report_says_so(
+    run_stage, tmp_path, ending, codec
+):
+    pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+    path = make_film(tmp_path / f"film{ending}", goldfish(30), codec=codec, pix_fmt=pix_fmt)
+    assert run_stage("file", path=str(path))["frames_missing"] == 0
+    findings = pd.read_csv(stage.CLIP / "findings.csv").set_index("what")
+    assert findings.loc["missing", "verdict"] == "good"
+    path.write_bytes(path.read_bytes()[:-1000])
+    metrics = run_stage("file", path=str(path))
+    assert 1 <= metrics["frames_missing"] <= 30 - metrics["frames"]
+    findings = pd.read_csv(stage.CLIP / "findings.csv").set_index("what")
+    assert "missing or damaged" in findings.loc["missing", "measured"]
 
 
 @pytest.mark.parametrize("level", [0, 255])

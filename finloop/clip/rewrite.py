@@ -195,12 +195,13 @@ def make_clip(
     """Write a film as a clip: upright, at a constant frame rate, with faults repaired.
 
     Repairs are tried on a sample of the film. Those that make it better (`is_better`) are made
-    while the clip is written. Then all of the clip is checked: a repair that does not help there is
-    left out, one that the sample did not ask for is added, and the clip is written again. The
-    folder also receives a table of checks (`CHECK_NAME`) and a picture of the empty tank
-    (`TANK_NAME`). show_progress(word, frames): a context that yields a function to call after each
-    frame. FinloopError if the film has fewer than two readable or only plain frames, or the arena
-    does not fit.
+    while the clip is written; one that was refused on the sample is not tried again. Then all of
+    the clip is checked: a repair that does not help there is left out, one that the sample did not
+    ask for is added, and the clip is written again. So is a clip with repeated frames, whose rhythm
+    only the whole film shows. The folder also receives a table of checks (`CHECK_NAME`) and a
+    picture of the empty tank (`TANK_NAME`). show_progress(word, frames): a context that yields a
+    function to call after each frame. FinloopError if the film has fewer than two readable or only
+    plain frames, or the arena does not fit.
     """
     write = partial(_write_version, p, source, folder, show_progress)
     if not isinstance(p, FootageSettings) or source.footage is None:

@@ -56,6 +56,18 @@ def list_findings(
     return findings
 
 
+def judge_completeness(frames_missing: int) -> Finding:
+    """Return the finding on the frames that a film promises but that cannot be read."""
+    if not frames_missing:
+        return Finding("missing", True, "All of its frames can be read.")
+    return Finding(
+        "missing", False,
+        f"{frames_missing} of its frames are missing or damaged: tracks end there, or the film "
+        "ends early.",
+        "Copy the film again, or record it with a faster disk.",
+    )  # fmt: skip
+
+
 def _judge_all(quality: Quality) -> Iterator[Finding]:
     """Yield all findings on a film of this quality."""
     yield from _judge_light(quality)

@@ -1,6 +1,7 @@
 """Films, read by FFmpeg: their facts, and their frames one after the other."""
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
@@ -55,6 +56,8 @@ SEEK_MARGIN_S = 1.0
 HD_HEIGHT = 720  # from here on, a film that does not state its colour matrix has BT.709
 _FIRST_BYTES, _ARCHIVES = 60, (b"PK\3\4", b"\x1f\x8b", b"7z\xbc\xaf", b"Rar!")  # zip, gz, 7z, rar
 _LUMA_FIRST = ("yuv4", "yuvj4", "yuva4", "nv1", "nv2", "gray")  # formats whose plane 0 is Y
+_TRANSPORT_PACKETS = 188, 192, 204  # bytes: of MPEG-TS, of camcorders, with error correction
+_HALF = 2**15  # of 16 bits; YUV that stays below does not fill its bits
 _YUV = ("yuv", "nv", "uyvy", "yvyu", "p0")  # formats of brightness and two colour differences
 
 # What PyAV raises where a container cannot be read on; the second if damage looks like the
@@ -138,7 +141,7 @@ def _read_packet_stamps(container: InputContainer, stream: VideoStream) -> tuple
     raw stream (.h264, .hevc) has no stamps: then each packet counts as a frame.
     """
     stamps: list[int] = []
-    packets = discarded = 0
+    packets = discarded = end = 0
     with suppress(*_BROKEN_OFF):  # `_read_film_frames` counts what is missing
         for packet in container.demux(stream):
             stamp = packet.dts if packet.pts is None else packet.pts
@@ -146,9 +149,30 @@ def _read_packet_stamps(container: InputContainer, stream: VideoStream) -> tuple
             discarded += packet.is_discard
             if packet.size and stamp is not None and not packet.is_discard:
                 stamps.append(stamp)
+                end = max(end, stamp + (packet.duration or 0))
     if not stamps:
         return [], packets
-    return stamps, max(len(stamps), stream.frames - discarded)
+    cut_off = _count_cut_off_frames(container, stream, np.sort(stamps), end)
+    return stamps, max(len(stamps) + cut_off, stream.frames - discarded)
+
+
+def _count_cut_off_frames(
+    container: InputContainer, stream: VideoStream, stamps: np.ndarray, end: int
+) -> int:
+    """Return how many frames a film lacks at its end, by what its file says without an index.
+
+    Matroska states how long a stream is, in a tag. A transport stream consists of packets of equal
+    size; if the file ends within one, at least a frame is lost. stamps (n,), ascending, and end, of
+    the last frame that is there: in the stream's time base.
+    """
+    if container.format.name == "mpegts":
+        return int(all(container.size % packet_bytes for packet_bytes in _TRANSPORT_PACKETS))
+    stated = re.fullmatch(r"(\d+):(\d\d):(\d\d\.\d+)", stream.metadata.get("DURATION", ""))
+    if stated is None or len(stamps) < 2:
+        return 0
+    hours, minutes, seconds = map(float, stated.groups())
+    lacking_s = 3600 * hours + 60 * minutes + seconds - end * float(stream.time_base or 1)
+    return max(0, round(lacking_s / float(np.median(np.diff(stamps)) * (stream.time_base or 1))))
 
 
 def _list_picture_notes(
@@ -199,8 +223,9 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         if (frame.width, frame.height) != (first.width, first.height):
             continue  # `_read_film_frames` reports it
         quantisers += _measure_quantisers(frame)
+        if frame.format.components[0].bits > 8:
+            deep.append(thin_frame(_convert_to_rgb48(frame)))
         if _has_deep_levels(frame):
-            deep.append(thin_frame(frame.to_ndarray(format="rgb48le")))
             continue
         rgb = thin_frame(_convert_to_rgb(frame, full_range=False, levels=None))
         chroma.append(measure_chroma_fraction([rgb]))
@@ -208,6 +233,8 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
     if first is None:
         raise too_few_frames_error(path, 0)
     levels = choose_deep_levels(deep) if deep else None
+    if levels and levels[1] >= _HALF and not _has_deep_levels(first):
+        levels = None
     if levels:
         chroma = [measure_chroma_fraction([stretch_levels(rgb, *levels)]) for rgb in deep]
     turn, exact = nearest_turn(_read_display_matrix(first))
@@ -221,7 +248,7 @@ def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
         turn_exact=exact,
         interlaced=first.interlaced_frame,
         chroma=float(np.mean(chroma)),
-        outside=float(np.mean(outside)) if may_be_limited else 0.0,
+        outside=float(np.mean(outside)) if may_be_limited and not levels else 0.0,
         levels=levels,
         quantiser=float(np.mean(quantisers)) if quantisers else None,
     )
@@ -543,12 +570,12 @@ def _convert_to_grey(
 ) -> np.ndarray:
     """Convert a decoded frame to grey (h, w) uint8, 0 = black, 255 = white.
 
-    full_range: take the file's levels as they are, 0 … 255, even if the frame states none; else the
-    limited range, 16 … 235, is expanded unless the frame says that it is full. levels: of a frame
-    of `_has_deep_levels`, the two that become 0 and 255; None for others.
+    full_range: take the file's levels as they are, 0 … 255, even if the frame states none; else
+    the limited range, 16 … 235, is expanded unless the frame says that it is full. levels: those of
+    16 bits that become 0 and 255 in a film that does not fill its bits; None for others.
     """
     if levels:
-        if frame.format.is_rgb:
+        if len(frame.format.components) > 2:
             return cv2.cvtColor(_convert_to_rgb(frame, full_range, levels), cv2.COLOR_RGB2GRAY)
         return stretch_levels(frame.to_ndarray(format="gray16le"), *levels)
     name, bits = frame.format.name, frame.format.components[0].bits
@@ -569,21 +596,41 @@ def _convert_to_rgb(
 ) -> np.ndarray:
     """Convert a decoded frame to RGB (h, w, 3) uint8, by the range and matrix that it states.
 
-    Without a matrix it is BT.709 from 720 rows on, else BT.601, as players do. full_range: take its
+    Without a matrix it is that of players (`_colour_matrix`). full_range: take its
     levels as 0 … 255 even if it does not say so. levels: see `_convert_to_grey`.
     """
     if levels:
-        return stretch_levels(frame.to_ndarray(format="rgb48le"), *levels)
-    matrix = frame.colorspace
-    if matrix not in list(Colorspace):
-        matrix = Colorspace.ITU709 if frame.height >= HD_HEIGHT else Colorspace.ITU601
+        return stretch_levels(_convert_to_rgb48(frame), *levels)
     return frame.to_ndarray(
         format="rgb24",
-        src_colorspace=matrix,
+        src_colorspace=_colour_matrix(frame),
         src_color_range=ColorRange.JPEG if full_range else frame.color_range,
         dst_color_range=ColorRange.JPEG,
         threads=THREADS,
     )
+
+
+def _convert_to_rgb48(frame: VideoFrame) -> np.ndarray:
+    """Convert a decoded frame to RGB (h, w, 3) uint16; brightness keeps its levels, as full range.
+
+    A limited range would cut off what a camera of fewer bits stores below it.
+    """
+    if not frame.format.name.startswith(_YUV):
+        return frame.to_ndarray(format="rgb48le")
+    return frame.to_ndarray(
+        format="rgb48le",
+        src_colorspace=_colour_matrix(frame),
+        src_color_range=ColorRange.JPEG,
+        dst_color_range=ColorRange.JPEG,
+        threads=THREADS,
+    )
+
+
+def _colour_matrix(frame: VideoFrame) -> Colorspace | int:
+    """Return the matrix that a frame states; without one BT.709 from 720 rows on, else BT.601."""
+    if frame.colorspace in list(Colorspace):
+        return frame.colorspace
+    return Colorspace.ITU709 if frame.height >= HD_HEIGHT else Colorspace.ITU601
 
 
 def _deinterlace(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,6 +43,7 @@ TIFF, JPEG = {".tif", ".tiff"}, {".jpg", ".jpeg"}
 SUFFIXES = TIFF | JPEG | {
     ".png", ".bmp", ".webp", ".jp2", ".pgm", ".ppm", ".pnm",
 }  # fmt: skip
+_PARTS = 8  # parts of a film, at its beginning, that are compared
 _FEW = 0.05  # of a folder's pictures; so few with another name are left out
 
 
@@ -174,12 +176,17 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
             wanted=f"the frames of one film, all of one kind: {' '.join(sorted(SUFFIXES))}",
             do="name that folder, or the film itself",
         )
-    pattern, pictures = _choose_series(folder, files)
+    if hexadecimal := _read_hexadecimal_names(files):
+        pattern, pictures, frame_numbers = hexadecimal
+    else:
+        pattern, pictures = _choose_series(folder, files)
+        frame_numbers = _find_frame_numbers(folder, pictures)
     notes = []
     if others := sorted(file.name for file in set(files) - set(pictures)):
         listed = ", ".join(others[:5]) + (", …" if len(others) > 5 else "")
         notes.append(f"left out of {len(files)} pictures, as not named {pattern}: {listed}")
-    frame_numbers = _find_frame_numbers(folder, pictures)
+    if len({_name_pattern(file) for file in pictures}) > 1 and not hexadecimal:
+        notes.append("the names do not number the pictures: they follow in alphabetical order")
     if gaps := int(frame_numbers[-1]) + 1 - len(frame_numbers):
         before_gap = pictures[int(np.diff(frame_numbers).argmax())].name
         notes.append(
@@ -187,6 +194,35 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
             f"{before_gap}; their time is kept"
         )
     return pictures, frame_numbers, tuple(notes)
+
+
+def _read_hexadecimal_names(files: list[Path]) -> tuple[str, list[Path], Ints] | None:
+    """Read names that end in hexadecimal numbers, such as frame_00ff.png; None for other names.
+
+    Returns how they are named, the pictures in their order, and their frame numbers (n,), the first
+    0, gaps counted. The numbers have equally many digits, of which some are letters, and at most
+    half of them are missing.
+    """
+    letters_by_place = zip(*(file.stem for file in files), strict=False)
+    start = next((k for k, letters in enumerate(letters_by_place) if len(set(letters)) > 1), 0)
+    digits = [file.stem[start:] for file in files]
+    if len(set(map(len, digits))) > 1 or all(map(str.isdecimal, digits)):
+        return None
+    if not all(re.fullmatch("[0-9a-f]{1,15}", text, re.IGNORECASE) for text in digits):
+        return None
+    values = np.array([int(text, 16) for text in digits])
+    order = np.argsort(values, kind="stable")
+    steps = np.diff(values[order])
+    step = np.median(steps)
+    if (
+        step == 0
+        or (steps == 0).any()
+        or (steps % step).any()
+        or steps.sum() > 2 * step * len(steps)
+    ):
+        return None
+    frame_numbers = np.cumsum([0, *steps // int(step)])
+    return f"{files[0].stem[:start]}#", [files[k] for k in order], frame_numbers
 
 
 def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
@@ -197,7 +233,7 @@ def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
     several series, or if more than a few pictures belong to none.
     """
     few = max(2, _FEW * len(files))
-    series = _group_files(files, lambda file: re.sub(r"\d+", "#", file.stem) + _ending_of(file))
+    series = _group_files(files, _name_pattern)
     large = [name for name in series if len(series[name]) > few]
     if not large:
         series = _group_files(files, _ending_of)
@@ -209,6 +245,11 @@ def _choose_series(folder: Path, files: list[Path]) -> tuple[str, list[Path]]:
         others = {"with other names": len(files) - len(pictures)}
         raise _several_series_error(folder, {pattern: len(pictures)} | others)
     return pattern, pictures
+
+
+def _name_pattern(file: Path) -> str:
+    """Return the name of a picture with # for each number."""
+    return re.sub(r"\d+", "#", file.stem) + _ending_of(file)
 
 
 def _ending_of(file: Path) -> str:
@@ -231,7 +272,8 @@ def _several_series_error(folder: Path, sizes: dict[str, int]) -> FinloopError:
         came=f"{folder} holds pictures of several kinds: "
         + ", ".join(f"{count} {kind}" for kind, count in sorted(sizes.items())),
         wanted="the frames of one film and no other picture",
-        do="move the others away (another camera, a mask, a background, a preview)",
+        do="move the others away (another camera, a mask, a background, a preview); if all are of "
+        "one film, number them: 0001.png, 0002.png, …",
     )
 
 
@@ -275,8 +317,9 @@ def _refuse_several_cameras(
 
     camera, number (n,): two numbers in the name of each picture, in which the names differ; the one
     of fewer values is the camera's. They are of several cameras if nearly all numbers occur with
-    every camera, and count by ones. Times of day, such as 59_960, 60_000, also have two numbers,
-    but do not count so.
+    every camera, and count by ones, unless each camera goes on where the one before ends: then the
+    first number is a second or a part of the film. Times of day, such as 59_960, 60_000, also have
+    two numbers, but do not count so.
     """
     if len(np.unique(camera)) > len(np.unique(number)):
         camera, number = number, camera
@@ -284,10 +327,34 @@ def _refuse_several_cameras(
     numbers_of = {value: set(number[camera == value]) for value in cameras}
     shared = sorted(set.intersection(*numbers_of.values()))
     most = max(map(len, numbers_of.values()))
-    if len(shared) > max(1, (1 - _FEW) * most) and np.diff(shared).min() == 1:
+    is_counted = len(shared) > max(1, (1 - _FEW) * most) and np.diff(shared).min() == 1
+    if is_counted and not _do_go_on(pictures, camera):
         examples = {value: pictures[int(np.argmax(camera == value))].name for value in cameras}
         sizes = {f"like {name}": len(numbers_of[value]) for value, name in examples.items()}
         raise _several_series_error(folder, sizes)
+
+
+def _do_go_on(pictures: list[Path], part: Floats) -> bool:
+    """Return whether the first picture of each part of a film goes on from the last one before it.
+
+    The change from one to the other is nearer to that of a step within a part than to that from a
+    part's beginning to its end. pictures: in order; part (n,): the number of each one's part; False
+    if these do not ascend.
+    """
+    starts = np.flatnonzero(np.diff(part, prepend=-1))  # the first picture of each part
+    if (np.diff(part) < 0).any() or np.diff(starts).min() < 3:
+        return False
+    for before, start in list(pairwise(starts))[:_PARTS]:
+        numbers = start - 1, start - 2, before, start
+        last, *others = (
+            _to_uint8(_load_file(pictures, int(k)), colour=False, levels=None) for k in numbers
+        )
+        if any(picture.shape != last.shape for picture in others):
+            return False
+        step, far, between = (float(cv2.absdiff(last, other).mean()) for other in others)
+        if between > (step + far) / 2:
+            return False
+    return True
 
 
 def natural_sort_key(path: Path) -> list[tuple[int, str]]:
