@@ -14,7 +14,8 @@ from finloop.base.arrays import Complex, Floats, Points
 from finloop.base.triangles import cross_products, triangulate
 from finloop.morph.folds import ContourLayout
 
-COARSE = 64  # points of a contour for which frames are solved
+COARSE = (64, 128, 256)
+"""Points of a contour for which frames are solved: the fewest that leave all contours apart."""
 KNOTS = 8  # frames that are solved, evenly in time
 STEPS = 12  # of each solution; each lowers the energy
 FLAT = 1e-9  # area of a triangle, as a share of its shape's, that counts as none
@@ -27,14 +28,17 @@ def find_relaxing_moves(stack: Points, layout: ContourLayout) -> Points | None:
     contours are too fine for triangles between COARSE points of each.
     """
     frames, count = stack.shape[:2]
-    coarse = [
-        np.arange(part.start, part.stop, max(1, (part.stop - part.start) // COARSE))
-        for part in layout.parts
-    ]
-    vertices, sizes = np.concatenate(coarse), [len(part) for part in coarse]
-    start = _shape_gradients(stack[0, vertices], sizes)
-    end = _shape_gradients(stack[-1, vertices], sizes)
-    if start is None or end is None:
+    for most in COARSE:
+        coarse = [
+            np.arange(part.start, part.stop, max(1, (part.stop - part.start) // most))
+            for part in layout.parts
+        ]
+        vertices, sizes = np.concatenate(coarse), [len(part) for part in coarse]
+        start = _shape_gradients(stack[0, vertices], sizes)
+        end = _shape_gradients(stack[-1, vertices], sizes)
+        if start is not None and end is not None:
+            break
+    else:
         return None
     (first, first_areas), (last, last_areas) = start, end
     knots = np.unique(np.round(np.linspace(0, frames - 1, KNOTS + 2)).astype(int))
@@ -92,19 +96,24 @@ def _relax_places(
     rotations are found first, then all places by a step of one matrix, which is at least the
     energy's in every frame: no step raises it.
     """
-    matrix = (gradients.conj().T @ (areas[:, None] * gradients)).real
+    # Real matrices: half the products of complex ones. ∂x and ∂y of all triangles, (2 t, n)
+    derivatives = np.concatenate([gradients.real, gradients.imag])
+    matrix = derivatives.T @ (np.r_[areas, areas][:, None] * derivatives)
     # Else it is singular: the energy knows neither place nor vertices without a triangle.
     matrix[np.diag_indices(len(matrix))] += 1e-6 * np.median(np.diag(matrix))
-    factor = scipy.linalg.cho_factor(matrix)
+    inverse = scipy.linalg.solve(matrix, derivatives.T, assume_a="pos")
+    places = np.ascontiguousarray(places)
     for _ in range(STEPS):
-        turning, mirroring = gradients.conj() @ places / 2, gradients @ places / 2
+        along_x, along_y = np.split((derivatives @ places.view(float)).view(complex), 2)
+        turning, mirroring = (along_x - 1j * along_y) / 2, (along_x + 1j * along_y) / 2
         rotation = turning * turning_goals + mirroring * mirroring_goals.conj()
         rotation /= np.maximum(abs(rotation), 1e-300)
         turning -= rotation * turning_goals
         mirroring -= rotation * mirroring_goals
-        slope = gradients.T @ (weights * turning) + gradients.conj().T @ (weights * mirroring)
-        step = scipy.linalg.cho_solve(factor, np.concatenate([slope.real, slope.imag], axis=1))
-        places = places - step[:, : places.shape[1]] - 1j * step[:, places.shape[1] :]
+        slope = np.concatenate([
+            weights * (turning + mirroring), 1j * weights * (turning - mirroring)
+        ])  # fmt: skip
+        places = places - (inverse @ slope.view(float)).view(complex)
     return places
 
 

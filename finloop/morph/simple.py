@@ -120,7 +120,9 @@ def morph_contours(
             )
     tau = np.linspace(0, 1, frames)[:, None, None]
     linear = (1 - tau) * first + tau * second
-    if not count_contour_folds(linear, layout).any() and _has_simple_motion(linear, layout):
+    following = layout.following
+    has_fold = any(count_folds_unchecked(pose, following, first_only=True) for pose in linear)
+    if not has_fold and _has_simple_motion(linear, layout):
         return linear
     stack = _frames_along_path(_find_simple_path(first, second, layout, pinned), frames, layout)
     if count_contour_folds(stack, layout).any():
@@ -313,25 +315,25 @@ def _smooth_in_time(stack: Points, width: float) -> Points:
     reflection in that end.
     """
     reach = min(int(3 * width) + 1, len(stack) - 1)
-    beyond = ((reach, reach), (0, 0), (0, 0))
-    extended = np.pad(stack, beyond, mode="reflect", reflect_type="odd")
-    smooth: Points = scipy.ndimage.gaussian_filter1d(extended, width, axis=0, radius=reach)
-    return smooth[reach:-reach]
+    beyond = ((reach, reach), (0, 0))
+    # Smoothing is linear: what it does to one number a frame says it for all points.
+    extended = np.pad(np.eye(len(stack)), beyond, mode="reflect", reflect_type="odd")
+    weights = scipy.ndimage.gaussian_filter1d(extended, width, axis=0, radius=reach)
+    return np.tensordot(weights[reach:-reach], stack, axes=1)
 
 
 def _limit_areas(stack: Points, layout: ContourLayout) -> Points:
     """Return frames (f, n, 2), each scaled so that its area lies between those of the two ends.
 
-    The areas are those within the first contour.
+    The areas are those within the first contour. Frames are scaled about the mean of its vertices.
     """
-    outer = layout.parts[0]
-    areas = [signed_area(Curve(pose[outer], closed=True)) for pose in stack]
+    contours = stack[:, layout.parts[0]]
+    x, y = np.moveaxis(contours - contours[:, :1], 2, 0)
+    areas = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) / 2
     goals = np.clip(areas, min(areas[0], areas[-1]), max(areas[0], areas[-1]))
-    resized = [
-        pose if area == goal else _resize_contours(pose, outer, goal)
-        for pose, area, goal in zip(stack, areas, goals, strict=True)
-    ]
-    return np.stack(resized)
+    middle = contours.mean(axis=1, keepdims=True)
+    resized = middle + (stack - middle) * np.sqrt(goals / areas)[:, None, None]
+    return np.where((areas == goals)[:, None, None], stack, resized)
 
 
 def _has_simple_motion(stack: Points, layout: ContourLayout) -> bool:
@@ -451,26 +453,48 @@ def _are_small_and_round(pose: Points, holes: Sequence[slice], least: Floats) ->
     return True
 
 
+@kernel
 def _implicit_step(points: Points, step: float) -> Points:
     """Return a polygon (n, 2) after one implicit step of curve shortening, of the time `step`.
 
     It solves (1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|². The system
-    is tridiagonal but for two corners, which Sherman and Morrison's formula adds.
+    is tridiagonal but for two corners, which Sherman and Morrison's formula adds. The diagonal
+    dominates, so no pivots are needed.
     """
-    edges = _edge_lengths(points)
-    q = step / ((np.roll(edges, 1) + edges) / 2) ** 2
+    n = len(points)
+    edges = np.empty(n)  # from the vertex before
+    for i in range(n):
+        x, y = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
+        edges[i] = np.sqrt(x * x + y * y)
+    q = np.empty(n)
+    for i in range(n):
+        q[i] = step / ((edges[i] + edges[(i + 1) % n]) / 2) ** 2
     # The matrix is B + u vᵀ with a tridiagonal B, u = (corner, 0 … 0, −q_{n−1}) and
     # v = (1, 0 … 0, ratio).
     corner = -(1 + 2 * q[0])
     ratio = -q[0] / corner
-    bands = np.stack([np.roll(-q, 1), 1 + 2 * q, next_corners(-q)])
-    bands[1, 0] -= corner
-    bands[1, -1] += q[-1] * ratio
-    column = np.zeros(len(q))
-    column[0], column[-1] = corner, -q[-1]
-    solved = scipy.linalg.solve_banded((1, 1), bands, np.column_stack([points, column]))
+    diagonal = 1 + 2 * q
+    diagonal[0] -= corner
+    diagonal[-1] += q[-1] * ratio
+    solved = np.zeros((n, 3))
+    solved[:, :2] = points
+    solved[0, 2], solved[-1, 2] = corner, -q[-1]
+    for i in range(1, n):
+        factor = q[i] / diagonal[i - 1]
+        diagonal[i] -= factor * q[i - 1]
+        for column in range(3):
+            solved[i, column] += factor * solved[i - 1, column]
+    for i in range(n - 1, -1, -1):
+        for column in range(3):
+            if i < n - 1:
+                solved[i, column] += q[i] * solved[i + 1, column]
+            solved[i, column] /= diagonal[i]
     share = (solved[0] + ratio * solved[-1]) / (1 + solved[0, 2] + ratio * solved[-1, 2])
-    return solved[:, :2] - share[:2] * solved[:, 2:]
+    shorter = np.empty((n, 2))
+    for i in range(n):
+        for axis in range(2):
+            shorter[i, axis] = solved[i, axis] - share[axis] * solved[i, 2]
+    return shorter
 
 
 def cut_ears(points: Points) -> tuple[Points, bool]:
