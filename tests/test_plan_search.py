@@ -387,7 +387,8 @@ def test_along_a_path_a_beam_that_loses_nothing_finds_the_cheapest_way():
 def test_the_best_way_is_the_film_s_between_jumps_that_the_film_has():
     world = film_world_of()
     graph, _, rows = search_route(world, lay_route(EIGHT, world), 100)
-    ends, legs = rows + np.minimum(graph.leg[rows], 40), graph.leg[rows]
+    legs = graph.nodes["leg"][rows]
+    ends = rows + np.minimum(legs, 40)
     assert legs.sum() >= 40
     film = world.film
     for end, begins in zip(ends[:-1], rows[1:], strict=True):

@@ -85,13 +85,10 @@ class Tank:
         )
         with _PATH_LOCK:  # a search keeps its state in `paths`, which threads share
             paths.find_costs([start], [end])
-            cells = paths.traceback(end)
-        point = (to_x, to_y)
-        for row, column in reversed(cells):  # from the target back to the fish
-            point = float(column * cell + cell // 2), float(row * cell + cell // 2)
-            if self.can_swim_straight(x, y, *point):
-                break
-        return point
+            cells = paths.traceback(end)  # (row, column), from the fish to the target
+        points = np.array(cells)[:, ::-1] * float(cell) + cell // 2
+        way_x, way_y = points[_farthest_in_sight(self.legal, self.arena, x, y, points)]
+        return float(way_x), float(way_y)
 
     @cached_property
     def _coarse_map(self) -> tuple[int, skimage.graph.MCP_Geometric]:
@@ -146,6 +143,20 @@ def is_line_legal(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_
             return False
         was_legal = was_legal or is_legal
     return was_legal
+
+
+@kernel
+def _farthest_in_sight(legal: Mask, arena: Mask, x: float, y: float, points: Floats) -> int:
+    """Return the number of the last point to which a fish at x, y px can swim straight, else 0.
+
+    legal, arena (h, w); points (n, 2): x, y px.
+    """
+    number = len(points) - 1
+    while number > 0 and not is_line_legal(
+        legal, arena, x, y, points[number, 0], points[number, 1]
+    ):
+        number -= 1
+    return number
 
 
 def make_tank(arena: Mask, reach_px: float) -> Tank:

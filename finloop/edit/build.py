@@ -15,6 +15,12 @@ from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import find_orientations, orientation_heading_deg, wrap_deg
 
 _NO_COSTS = (np.nan,) * len(TERMS)
+_NULLABLE_DTYPES = {
+    column.name: column.pandas_dtype
+    for column in EDIT.columns
+    if column.nullable and (column.dtype == "string" or "int" in column.dtype)
+}
+"""The dtypes of `EDIT` in pandas that hold nulls: of text and of integers."""
 
 
 @dataclass(frozen=True)
@@ -46,20 +52,9 @@ class EditInputs:
         return number + int(self.goes_on[number])
 
 
-def build_edit_list(swim: Swim, ticks: int, inputs: EditInputs, fish: int = 0) -> pd.DataFrame:
-    """Return the edit list of one fish: what is drawn at each of the first ticks (schema `EDIT`).
-
-    fish: its number, from 0.
-    """
-    table = pd.DataFrame(edit_columns(swim.stretches, swim.names, ticks, inputs))
-    faded = table["weight"] > 0
-    table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
-    table.loc[~faded, ["partner_kind", "partner"]] = None
-    table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
-    for side in ("", "partner_"):
-        table.loc[table[f"{side}kind"] != SPRITE, f"{side}orientation"] = pd.NA
-    table = table.assign(fish=fish, **_decision_columns(swim.stretches, ticks))
-    return table[EDIT.names]
+def build_edit_list(swim: Swim, ticks: int, inputs: EditInputs) -> pd.DataFrame:
+    """Return the edit list of one fish: what is drawn at every tick (schema `EDIT`)."""
+    return build_edit_lists([swim], ticks, inputs)
 
 
 def build_edit_lists(swims: Sequence[Swim], ticks: int, inputs: EditInputs) -> pd.DataFrame:
@@ -67,8 +62,28 @@ def build_edit_lists(swims: Sequence[Swim], ticks: int, inputs: EditInputs) -> p
 
     Each fish has `ticks` rows, fish after fish.
     """
-    lists = [build_edit_list(swim, ticks, inputs, fish) for fish, swim in enumerate(swims)]
-    return lists[0] if len(lists) == 1 else pd.concat(lists, ignore_index=True)
+    fish_columns = [
+        edit_columns(swim.stretches, swim.names, ticks, inputs)
+        | _decision_columns(swim.stretches, ticks)
+        for swim in swims
+    ]
+    columns = {
+        name: np.concatenate([columns[name] for columns in fish_columns])
+        for name in fish_columns[0]
+    }
+    # A column of which a tick says nothing holds null there.
+    faded = columns["weight"] > 0
+    columns["partner_kind"] = np.where(faded, columns["partner_kind"], np.array(None))
+    for name in ("partner", "partner_rotation_deg", "partner_scale"):
+        columns[name] = np.where(faded, columns[name], np.nan)
+    for side in ("", "partner_"):
+        orientation = columns[f"{side}orientation"]
+        columns[f"{side}orientation"] = np.where(
+            columns[f"{side}kind"] == SPRITE, orientation, np.nan
+        )
+    columns["fish"] = np.repeat(np.arange(len(swims)), ticks)
+    columns |= {name: pd.array(columns[name], kind) for name, kind in _NULLABLE_DTYPES.items()}
+    return pd.DataFrame(columns, columns=EDIT.names)
 
 
 def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
@@ -94,16 +109,12 @@ def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any
 def _fill_column(values: Sequence[str | int | float], at_ticks: Ints, ticks: int) -> Any:
     """Return a column (ticks,) that has the given values (k,) at some ticks (k,), else null.
 
-    Values are of one type. Null is None beside text, for which "" is null, too; NaN beside floats.
+    At the others it is null: None beside text, for which "" counts as null, too; else NaN.
     """
     if isinstance(values[0], str):
         text = np.full(ticks, None, dtype=object)
         text[at_ticks] = [value or None for value in values]
         return text
-    if isinstance(values[0], int):
-        counts, missing = np.zeros(ticks, np.int16), np.ones(ticks, bool)
-        counts[at_ticks], missing[at_ticks] = values, False
-        return pd.arrays.IntegerArray(counts, missing)
     numbers = np.full(ticks, np.nan)
     numbers[at_ticks] = values
     return numbers

@@ -241,13 +241,12 @@ def turn_branch_to_row(graph, branch, row):  # type: ignore[no-untyped-def]
 
     Its rotation_deg, and cos and sin of it, are changed, its row is not. graph: `SearchGraph`.
     """
-    rows, preview = graph.film.rows, graph.previews[row]
-    heading_cos, heading_sin = heading_vector(graph.previews[branch.row], branch)
-    # The new rotation is the heading on screen less the filmed heading of the new row, which stands
-    # in rows as an angle, and in previews as cosine and sine.
-    branch.rotation_deg += rows[branch.row].heading - rows[row].heading
-    branch.cos = heading_cos * preview.cos + heading_sin * preview.sin
-    branch.sin = heading_sin * preview.cos - heading_cos * preview.sin
+    old, new = graph.nodes[branch.row], graph.nodes[row]
+    heading_cos, heading_sin = heading_vector(old, branch)
+    # The new rotation is the heading on screen less the filmed heading of the new row.
+    branch.rotation_deg += old.heading - new.heading
+    branch.cos = heading_cos * new.cos + heading_sin * new.sin
+    branch.sin = heading_sin * new.cos - heading_cos * new.sin
 
 
 @finite_leaf
@@ -261,7 +260,7 @@ def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
     graph, start = search.graph, search.start
     row, route, steering = branch.row, search.objective.route, search.objective.steering
     end_row, end_tick = row + ticks, start.tick + branch.ticks + ticks
-    begin, end = graph.film.rows[row], graph.film.rows[end_row]
+    begin, end = graph.nodes[row], graph.nodes[end_row]
     turn_deg, cost, along_px = 0.0, 0.0, branch.along_px
     speed = (begin.speed + end.speed) / 2
     if route.x.size:
@@ -309,8 +308,9 @@ def advance_branch_by_leg(search, branch):  # type: ignore[no-untyped-def]
     there for ever. search: `Search`; branch (dtype `BRANCH`): its place, row, ticks, marks, and the
     terms rarity, lag and path are changed in place.
     """
-    graph, rows, first_row = search.graph, search.graph.film.rows, branch.row
-    ticks_left, is_done = min(graph.leg[first_row], search.horizon - branch.ticks), False
+    nodes, first_row = search.graph.nodes, branch.row
+    ticks_left = min(np.int64(nodes[first_row].leg), search.horizon - branch.ticks)
+    is_done = False
     if ticks_left == 0:
         return False, False
     while ticks_left > 0 and not is_done:
@@ -320,11 +320,11 @@ def advance_branch_by_leg(search, branch):  # type: ignore[no-untyped-def]
         ticks_left -= ticks
         is_done = is_objective_done(search, branch)
     branch.marks = mark_rows(branch.marks, first_row, branch.row)
-    branch.terms[RARITY] += rows[branch.row].rarity_sum - rows[first_row].rarity_sum
+    branch.terms[RARITY] += nodes[branch.row].rarity_sum - nodes[first_row].rarity_sum
     if not search.objective.route.x.size:
-        lag_ticks = rows[branch.row].lag_sum - rows[first_row].lag_sum
+        lag_ticks = nodes[branch.row].lag_sum - nodes[first_row].lag_sum
         branch.terms[LAG] += search.start.rest_cost * lag_ticks
-    can_go_on = rows[branch.row].recurrent
+    can_go_on = nodes[branch.row].recurrent
     return can_go_on, is_done
 
 

@@ -11,7 +11,6 @@ from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf, kernel_part, leaf_kernel
 from finloop.plan.cost import NO_STEERING, Steering, offset_cost
-from finloop.plan.graph import row_can_play_on
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import DecidingFish, next_place_in_school
 
@@ -60,25 +59,25 @@ def is_objective_done(search, branch):  # type: ignore[no-untyped-def]
     A target is reached where the fish touches it, at a row after which the film can play on for
     ever. search: `Search`; branch: of dtype `BRANCH`.
     """
-    objective, rows = search.objective, search.graph.film.rows
+    objective, node = search.objective, search.graph.nodes[branch.row]
     if objective.route.x.size:
         return is_at_path_end(objective.route, branch.along_px)
-    heading = rows[branch.row].heading + branch.rotation_deg
+    heading = node.heading + branch.rotation_deg
     if objective.aim.free or not touches_target(branch.x, branch.y, heading, objective.aim):
         return False
-    return row_can_play_on(rows, branch.row)
+    return node.plays_on
 
 
 @leaf_kernel
-def estimate_cost_to_come(search, branch, preview, direction):  # type: ignore[no-untyped-def]
+def estimate_cost_to_come(search, branch, row, direction):  # type: ignore[no-untyped-def]
     """Estimate the cost, in ticks, that a branch of the search will have beyond its end.
 
-    search: `Search`; branch: of dtype `BRANCH`; preview (dtype `PREVIEW`): of the row that it plays
-    on from; direction: cosine and sine of its heading.
+    search: `Search`; branch: of dtype `BRANCH`; row: that it plays on from; direction: cosine and
+    sine of its heading.
     """
     aim = search.objective.aim
     if search.objective.route.x.size:
-        return estimate_path_cost(search, branch, preview, direction)
+        return estimate_path_cost(search, branch, search.graph.previews[row], direction)
     if aim.free:
         return 0.0
     return estimate_ticks_to_target(branch.x, branch.y, direction, aim, search.weights)
@@ -154,14 +153,13 @@ def points_due(route, tick, tick_count):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def heading_vector(preview, branch):  # type: ignore[no-untyped-def]
-    """Return the cosine and sine of the heading that a film row has if a branch shows it.
+def heading_vector(node, branch):  # type: ignore[no-untyped-def]
+    """Return the cosine and sine of the heading of a film row, turned as a branch turns its rows.
 
-    A branch turns its rows by its rotation. preview: of the film row, of dtype `PREVIEW`; branch:
-    of dtype `BRANCH`.
+    node: of the film row, of dtype `NODE`; branch: of dtype `BRANCH`.
     """
-    cos = preview.cos * branch.cos - preview.sin * branch.sin
-    sin = preview.sin * branch.cos + preview.cos * branch.sin
+    cos = node.cos * branch.cos - node.sin * branch.sin
+    sin = node.sin * branch.cos + node.cos * branch.sin
     return cos, sin
 
 

@@ -452,7 +452,7 @@ class Planner:
             )
         if not len(rows):
             return None
-        first_rows, ticks = rows.tolist(), source.graph.leg[rows].tolist()
+        first_rows, ticks = rows.tolist(), source.graph.nodes["leg"][rows].tolist()
         taken = candidates.rows.tolist().index(first_rows[0])
         ticks[-1] -= max(sum(ticks) - horizon, 0)  # the last leg ends at the horizon
         return Plan(source.state, candidates, outcomes, taken, first_rows, ticks)

@@ -59,6 +59,9 @@ of the branch's run before it, −1 for none."""
 EXTENSION = np.dtype([("candidate", "i8"), ("branch", "i8"), ("jump", "i8"), ("repeat", "f8")])
 """The fields of an `Extension`, without its cost."""
 
+RANKED = np.dtype([("cost", "f8"), ("number", "i8")])
+"""The cost of an extension in the beam, and its number there. Both are moved at once in sorting."""
+
 _TANK, _PASSED_OVER = map(VERDICTS.index, ("tank", "passed over"))
 
 
@@ -146,17 +149,15 @@ class Beam(NamedTuple):
     """The branches that the search follows at once, their extensions, and the legs behind them.
 
     branches (w,): of dtype `BRANCH`; spare (w,): room for those of the next leg; extensions (b,):
-    the cheapest so far, of dtype `EXTENSION`; order (b,): their numbers, the cheapest first;
-    sorted_costs (b,): their costs in that order; runs: of all branches, of dtype `RUN`; rows,
-    parents (legs + 1, w): the row with which each branch began each leg, and the number that the
-    branch had in the leg before.
+    the cheapest so far, of dtype `EXTENSION`; ranking (b,): the cheapest first, of dtype `RANKED`;
+    runs: of all branches, of dtype `RUN`; rows, parents (legs + 1, w): the row with which each
+    branch began each leg, and the number that the branch had in the leg before.
     """
 
     branches: NDArray[np.void]
     spare: NDArray[np.void]
     extensions: NDArray[np.void]
-    order: Ints
-    sorted_costs: Floats
+    ranking: NDArray[np.void]
     runs: NDArray[np.void]
     rows: Ints
     parents: Ints
@@ -275,8 +276,8 @@ def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
     capacity = max(most_branches, count)
     beam = Beam(
         branches=np.empty(capacity, BRANCH), spare=np.empty(capacity, BRANCH),
-        extensions=np.empty(most_branches, EXTENSION), order=np.empty(most_branches, np.int64),
-        sorted_costs=np.empty(most_branches), runs=np.empty((most_legs + 1) * capacity, RUN),
+        extensions=np.empty(most_branches, EXTENSION), ranking=np.empty(most_branches, RANKED),
+        runs=np.empty((most_legs + 1) * capacity, RUN),
         rows=np.empty((most_legs + 1, capacity), np.int64),
         parents=np.empty((most_legs + 1, capacity), np.int64),
     )  # fmt: skip
@@ -322,9 +323,8 @@ def _extend_branches(search, beam, branch_count, leg, outcomes, best):  # type: 
         branch.terms[TIME] = cost_of_time(search, branch)
         branch.terms[TO_COME] = 0.0
         if branch.leads_on and not is_done:
-            preview = graph.previews[branch.row]
-            direction = heading_vector(preview, branch)
-            branch.terms[TO_COME] = estimate_cost_to_come(search, branch, preview, direction)
+            direction = heading_vector(graph.nodes[branch.row], branch)
+            branch.terms[TO_COME] = estimate_cost_to_come(search, branch, branch.row, direction)
         branch.cost = 0.0
         for t in range(branch.terms.size):
             branch.cost += branch.terms[t]
@@ -341,7 +341,7 @@ def _extend_branches(search, beam, branch_count, leg, outcomes, best):  # type: 
                     outcomes.terms[candidate, t] = branch.terms[t]
             if branch.cost < best.cost:
                 best = BestBranch(branch.cost, leg + 1, number)
-        elif row_can_play_on(graph.film.rows, branch.row):
+        elif graph.nodes[branch.row].plays_on:
             repeat = 0.0  # on a path repetition is free: else a fish would rather leave the path
             if not search.objective.route.x.size:
                 repeat = _repetition_cost(search, beam, branch, branch.row)
@@ -364,7 +364,8 @@ def _insert_jumps(search, beam, extension_count, branch_number, outcomes):  # ty
     """
     graph, on_path = search.graph, search.objective.route.x.size > 0
     film, branch = graph.film, beam.branches[branch_number]
-    first_jump, end_jump = jump_range(film, branch.row)
+    node = graph.nodes[branch.row]
+    first_jump, end_jump = np.int64(node.first_jump), np.int64(node.end_jump)
     if first_jump == end_jump:
         return extension_count
     # A jump keeps the place. Where it keeps the heading, too, and there is no route, the cost to
@@ -372,21 +373,20 @@ def _insert_jumps(search, beam, extension_count, branch_number, outcomes):  # ty
     keeps_to_come = film.jumps_keep_heading and not on_path
     direction, to_come = (1.0, 0.0), branch.terms[TO_COME]
     if film.jumps_keep_heading and not keeps_to_come:
-        direction = heading_vector(graph.previews[branch.row], branch)
+        direction = heading_vector(node, branch)
     past_cost, least_to_come = branch.cost - to_come, to_come if keeps_to_come else 0.0
     for number in range(first_jump, end_jump):
         jump, highest_cost = graph.jumps[number], np.inf
-        if extension_count == beam.sorted_costs.size:
-            highest_cost = beam.sorted_costs[extension_count - 1]
+        if extension_count == beam.ranking.size:
+            highest_cost = beam.ranking[extension_count - 1].cost
         cost = past_cost + jump.cost
         if cost + least_to_come >= highest_cost:
             outcomes.displaced[branch.candidate] = True
             break  # those that follow cost as much, or more
         if not keeps_to_come:
-            preview = graph.previews[jump.to]
             if not film.jumps_keep_heading:
-                direction = heading_vector(preview, branch)
-            to_come = estimate_cost_to_come(search, branch, preview, direction)
+                direction = heading_vector(graph.nodes[jump.to], branch)
+            to_come = estimate_cost_to_come(search, branch, jump.to, direction)
         cost += to_come
         if cost >= highest_cost:
             outcomes.displaced[branch.candidate] = True
@@ -435,23 +435,23 @@ def insert_extension(beam: Beam, count: int, extension: Extension, displaced: Ma
     costliest is replaced. displaced (k,): set True for the candidate of an extension that is left
     out.
     """
-    # place: in the order of the costs; slot: where the extension itself is stored.
-    costs, order, place, slot = beam.sorted_costs, beam.order, count, count
-    if count == costs.size:
+    ranking, place, number = beam.ranking, count, count
+    if count == ranking.size:
         place = count - 1
-        slot = order[place]
-        if extension.cost >= costs[place]:
+        number = ranking[place].number
+        if extension.cost >= ranking[place].cost:
             displaced[extension.candidate] = True
             return count
-        displaced[beam.extensions[slot].candidate] = True
+        displaced[beam.extensions[number].candidate] = True
     # Insertion sort: costlier extensions move one place on.
-    while place > 0 and extension.cost < costs[place - 1]:
-        costs[place], order[place] = costs[place - 1], order[place - 1]
+    while place > 0 and extension.cost < ranking[place - 1].cost:
+        ranking[place] = ranking[place - 1]
         place -= 1
-    costs[place], order[place], kept = extension.cost, slot, beam.extensions[slot]
+    ranking[place].cost, ranking[place].number = extension.cost, number
+    kept = beam.extensions[number]
     kept.candidate, kept.branch = extension.candidate, extension.branch
     kept.jump, kept.repeat = extension.jump, extension.repeat
-    return min(count + 1, costs.size)
+    return min(count + 1, ranking.size)
 
 
 @kernel_part
@@ -462,7 +462,7 @@ def start_next_leg(search: Search, beam: Beam, extension_count: int, leg: int) -
     """
     graph, film, first_run = search.graph, search.graph.film, leg * beam.branches.size
     for k in range(extension_count):
-        extension, branch = beam.extensions[beam.order[k]], beam.spare[k]
+        extension, branch = beam.extensions[beam.ranking[k].number], beam.spare[k]
         beam.spare[k] = beam.branches[extension.branch]
         if extension.jump >= 0:
             jump, run = graph.jumps[extension.jump], beam.runs[first_run + k]
@@ -475,9 +475,8 @@ def start_next_leg(search: Search, beam: Beam, extension_count: int, leg: int) -
         branch.terms[REPEAT] += extension.repeat
         beam.rows[leg, k], beam.parents[leg, k] = branch.row, extension.branch
     return Beam(
-        beam.spare, beam.branches, beam.extensions, beam.order, beam.sorted_costs, beam.runs,
-        beam.rows, beam.parents,
-    )  # fmt: skip
+        beam.spare, beam.branches, beam.extensions, beam.ranking, beam.runs, beam.rows, beam.parents
+    )
 
 
 @kernel_part
