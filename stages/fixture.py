@@ -15,7 +15,7 @@ import math
 import shutil
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import chdir
+from contextlib import ExitStack, chdir
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -27,6 +27,7 @@ from finloop.io.atomic import save_bytes
 from finloop.io.numbers import NUMBERS_NAME, load_numbers, save_numbers
 from stages.clones import APART
 from stages.compose import write_params
+from stages.forks import open_stage_server
 from stages.repository import failure_lines, run_dvc, run_git
 from stages.settings import PARAMS, format_override
 
@@ -123,11 +124,13 @@ def run_on_tiny_film(overrides: list[str]) -> dict[str, float]:
     with (
         TemporaryDirectory(dir=APART.absolute(), prefix="fixture-") as folder,
         report_progress("fixture", 1, "runs") as advance,
-        ThreadPoolExecutor(1) as pool,  # ends before the folder
+        ExitStack() as servers,
+        ThreadPoolExecutor(1) as pool,  # ends before the servers and the folder
     ):
         first, second = Path(folder) / "first", Path(folder) / "second"
         for copy in (first, second):
             _copy_workspace(copy, Path(folder) / "cache")
+            servers.enter_context(open_stage_server(copy))
         with chdir(first):
             write_params(["~local", *overrides])
         shutil.copyfile(first / PARAMS, second / PARAMS)

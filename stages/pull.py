@@ -58,9 +58,7 @@ def _cached_file(cache: Path, digest: str) -> Path:
 
 def main() -> None:
     """Pull DVC's files and run cache; copy the numbers that Git has; exit with DVC's status."""
-    pulled = subprocess.run(
-        [sys.executable, "-c", DVC, "pull", "--run-cache", *sys.argv[1:]], check=False
-    )
+    pulled = subprocess.run([*DVC, "pull", "--run-cache", *sys.argv[1:]], check=False)
     cache = Path(run_dvc("cache", "dir", folder=Path.cwd())[1].strip())
     print(f"{cache_committed_numbers(cache)} files with numbers of Git are in DVC's cache now")
     sys.exit(pulled.returncode)

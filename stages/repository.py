@@ -22,16 +22,7 @@ _GIT_ADVICE = (  # what git says, what is wanted, what to do
     ),
 )
 
-# The command `dvc`, in a process that ends with this one. It is short and makes many small objects,
-# of which garbage collection would take a sixth of its time.
-DVC = """
-import gc, sys
-gc.disable()
-from dvc.cli import main
-from finloop.base.process import die_with_parent
-die_with_parent()
-sys.exit(main())
-"""
+DVC = (sys.executable, "-m", "stages.call_dvc")  # the command `dvc`
 LAST_LINES = 12  # of the output of a failed run
 
 
@@ -60,7 +51,7 @@ def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bo
     processes: the number of processes on which a stage works.
     """
     process = subprocess.run(
-        [sys.executable, "-c", DVC, *arguments],
+        [*DVC, *arguments],
         cwd=folder, text=True, check=False, env=os.environ | {PROCESSES: str(processes)},
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip

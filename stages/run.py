@@ -26,10 +26,12 @@ import contextlib
 import errno
 import gc
 import importlib.util
+import json
 import math
 import os
 import shutil
 import signal
+import socket
 import sys
 import time
 import traceback
@@ -51,6 +53,41 @@ THREAD_VARIABLES = (
     "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
 )  # fmt: skip
 LINE_EVERY_S = 10.0  # progress where there is no terminal to draw a bar on
+
+
+STAGE_SOCKET = Path(".dvc/tmp/stages.socket")  # where a stage server takes commands
+
+
+def _hand_over() -> None:
+    """Let the stage server of this folder run the present command, and end with its exit status.
+
+    Do nothing without a server (`stages.forks`), or if no `python -m` has started this process.
+    """
+    module = sys.modules["__main__"].__spec__
+    if module is None or not STAGE_SOCKET.exists():
+        return
+    command = json.dumps([module.name, sys.argv[1:], dict(os.environ)])
+    status = b""
+    with socket.socket(socket.AF_UNIX) as server:
+        try:
+            server.connect(str(STAGE_SOCKET))
+        except OSError:  # a killed sweep has left the socket
+            return
+        die_with_parent()
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C: no traceback
+        with contextlib.suppress(OSError):
+            socket.send_fds(server, [b"\n"], [0, 1, 2])
+            server.sendall(f"{command}\n".encode())
+            while received := server.recv(1):  # closed when the process of the module has ended
+                status = received
+    if not status:
+        error = FinloopError(
+            f"{module.name} was ended from outside, perhaps for lack of memory",
+            "memory for a few frames and the tables",
+            "close other programs, and give the command again",
+        )
+        print(f"finloop: {error}", file=sys.stderr)
+    os._exit(status[0] if status else 1)
 
 
 def _limit_threads() -> None:
@@ -92,6 +129,7 @@ def _require_packages() -> None:
 
 
 _limit_threads()
+_hand_over()
 THREADS = int(os.environ["OMP_NUM_THREADS"])  # processes that a stage may work on, too
 PROCESSES = "FINLOOP_PROCESSES"  # how many processes a stage works on, where that is not THREADS
 if "DVC_STAGE" in os.environ:  # started by DVC, not by hand or in a test

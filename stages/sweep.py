@@ -39,6 +39,7 @@ from stages.code import file_lists
 from stages.compare import OUT, load_numbers, write_comparison
 from stages.compose import compose_params, load_experiment, quoting_error
 from stages.experiment import FOLDER, Experiment
+from stages.forks import open_stage_server
 from stages.pull import cache_committed_numbers
 from stages.repository import failure_lines, list_experiments, read_git_user, run_dvc, run_git
 from stages.settings import CONF, LOCAL, PARAMS, list_overrides, read_params
@@ -261,6 +262,7 @@ class RunMaker(ExitStack):
         while len(self._clones) < count:
             clone = self._folder / str(len(self._clones))
             _clone(root, clone, self._cache)
+            self.enter_context(open_stage_server(clone))
             self._clones.append(clone)
 
 

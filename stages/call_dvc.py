@@ -1,0 +1,21 @@
+"""The command `dvc`, in a process that ends with its parent: `python -m stages.call_dvc status`."""
+
+import stages.run  # noqa: F401  # isort: skip  (before all: a stage server may take it over)
+
+import gc
+import sys
+
+from finloop.base.process import die_with_parent
+
+LATER_IMPORTS = (
+    "dvc.cli.parser", "dvc.repo.experiments.queue.celery", "dvc.repo.graph", "dvc.repo.index",
+    "dvc.repo.open_repo", "stages.schemas",
+)  # fmt: skip
+"""Modules that DVC imports when it needs them. They bring most others, in a fifth of its time."""
+
+if __name__ == "__main__":
+    from dvc.cli import main
+
+    die_with_parent()
+    gc.disable()  # it is short and makes many small objects: collection takes a sixth of its time
+    sys.exit(main())

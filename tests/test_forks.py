@@ -1,0 +1,103 @@
+"""A stage that a server has forked does what it does alone, and ends with its command."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+from conftest import ROOT, alive, wait_for
+
+from stages.forks import open_stage_server
+from stages.run import STAGE_SOCKET
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the server is Linux's")
+MODULE = """
+from stages.run import run
+import os, signal, sys, time
+from finloop.base.errors import FinloopError
+
+def main() -> None:
+    print(os.getpid(), sys.argv[1:], os.environ["WORD"], flush=True)
+    print("to stderr", file=sys.stderr)
+    exec(sys.argv[1])
+
+if __name__ == "__main__":
+    run(main)
+"""
+
+
+def write_module(folder: Path) -> None:
+    (folder / "words").mkdir()
+    (folder / "words/__init__.py").touch()
+    (folder / "words/speaker.py").write_text(MODULE)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a module `words.speaker`, which a server starts."""
+    folder = tmp_path_factory.mktemp("served")
+    write_module(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(ROOT))
+        with open_stage_server(folder):
+            assert (folder / STAGE_SOCKET).is_socket()
+            yield folder
+    assert not (folder / STAGE_SOCKET).exists()
+
+
+def start(folder: Path, code: str) -> tuple[subprocess.Popen[str], int, str]:
+    """Start the module with this code; return the command, the process that runs it, a line."""
+    command = subprocess.Popen(
+        [sys.executable, "-m", "words.speaker", code], cwd=folder, text=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "WORD": "sunfish"},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert command.stdout is not None
+    pid, _, line = command.stdout.readline().partition(" ")
+    return command, int(pid), line
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "pass", "sys.exit(3)", "sys.exit('why')", "raise FinloopError('came', 'wanted', 'do')",
+        "import subprocess; sys.exit(subprocess.run([sys.executable, '-c', 'exit(4)']).returncode)",
+    ],
+)  # fmt: skip
+def test_a_forked_stage_does_what_it_does_alone(folder, tmp_path, code):
+    write_module(tmp_path)
+    ends = []
+    for place in (folder, tmp_path):
+        command, pid, line = start(place, code)
+        text, errors = command.communicate()
+        ends.append((line, text, errors, command.returncode))
+        assert (pid == command.pid) == (place == tmp_path)  # the server's child, or itself
+    assert ends[0] == ends[1] and "sunfish" in ends[0][0]
+
+
+def test_a_forked_stage_ends_with_its_command(folder):
+    command, pid, _ = start(folder, "time.sleep(60)")
+    stage = psutil.Process(pid)
+    command.kill()
+    command.communicate()
+    assert wait_for(lambda: not alive(stage), 10)
+
+
+def test_a_killed_stage_is_named(folder):
+    command, _, _ = start(folder, "os.kill(os.getpid(), signal.SIGKILL)")
+    assert "words.speaker was ended from outside" in command.communicate()[1]
+    assert command.returncode == 1
+
+
+def test_a_stage_starts_alone_where_the_server_is_gone(tmp_path):
+    write_module(tmp_path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(ROOT))
+        with open_stage_server(tmp_path):
+            (tmp_path / STAGE_SOCKET).rename(tmp_path / "kept")
+    (tmp_path / "kept").rename(tmp_path / STAGE_SOCKET)  # as a killed sweep leaves it
+    command, pid, _ = start(tmp_path, "pass")
+    command.communicate()
+    assert (command.returncode, pid) == (0, command.pid)
