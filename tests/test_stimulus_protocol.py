@@ -194,7 +194,7 @@ def test_looks_have_numbers_of_their_own():
         "a": WANDER, "b": WANDER | {"look": {"as": "dot", "colour": [9, 8, 7]}},
         "c": WANDER | {"look": {"as": "fish", "contrast": 1}},
     })  # fmt: skip
-    assert [look.message for look in protocol.looks] == [
+    assert [look.to_json_values for look in protocol.looks] == [
         {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": None},
         {"as": "dot", "contrast": 1.0, "size": 1.0, "colour": [9, 8, 7]},
     ]

@@ -36,7 +36,7 @@ def feed_of(made, plan, slots=(64, 64), **facts):
     count, middle = len(made.bodies.poses.codes), (15.0, 15.0)
     cutout_set = CutoutSet(Drops(count), np.full((count, 2), middle))
     gallery = Gallery({FRAME: cutout_set}, made.bodies)
-    looks = [look.message for look in plan.looks]
+    looks = [look.to_json_values for look in plan.looks]
     more = {"rate": made.rate_hz, "posture": made.posture, "looks": looks, "fish": plan.fish}
     more |= {"mm_per_px": None, "display": None, "mode": "session", "digest": False, "keys": []}
     floor = np.full((height, width), 200, np.uint8)
@@ -47,7 +47,7 @@ def header_of(made, plan, **more):
     return {
         "format": FORMAT, "finloop": "0", "begun": "now", "software": {"numpy": "2"},
         "protocol": plan.model_dump(mode="json", by_alias=True), "film": "toy",
-        "rate_hz": made.rate_hz, "looks": [look.message for look in plan.looks], "display": None, "folder": ".",
+        "rate_hz": made.rate_hz, "looks": [look.to_json_values for look in plan.looks], "display": None, "folder": ".",
     } | more  # fmt: skip
 
 
