@@ -312,7 +312,8 @@ def choose_fish_area(
     other parameters are those of `tank_area`.
     """
     area = tank_area(arena, hulls, tank_setting, floor)
-    return arena if tank_setting == "auto" and not can_fish_fit(area, reach_px) else area
+    is_too_small = not _legal_centres(area, reach_px).any()
+    return arena if tank_setting == "auto" and is_too_small else area
 
 
 def size_that_fits(area: Mask, reach_px: float) -> float:
@@ -322,11 +323,6 @@ def size_that_fits(area: Mask, reach_px: float) -> float:
     fish would reach farther than half of the distance from the wall to the area's middle.
     """
     return min(1.0, _MOST_REACH * float(_depth_px(area).max()) / reach_px)
-
-
-def can_fish_fit(arena: Mask, reach_px: float) -> bool:
-    """Return whether a fish that reaches `reach_px` from its centre fits in an arena (h, w)."""
-    return bool(_legal_centres(arena, reach_px).any())
 
 
 def _legal_centres(arena: Mask, reach_px: float) -> Mask:

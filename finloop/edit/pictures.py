@@ -183,7 +183,7 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
 
 
 def _draw_due_picture(before: Any, turn_deg: float, pictures: Pictures) -> Picture:
-    """Draw the frame that the film would show after a row of an edit list, as it was filmed.
+    """Draw the film frame that would come next after a row of an edit list, in its filmed pose.
 
     before: that row, as a named tuple. If it shows a frame, the film's next frame is drawn: turned
     as that frame is in the row, and by `turn_deg` more, degrees anticlockwise on screen. If it

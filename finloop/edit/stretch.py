@@ -189,7 +189,7 @@ def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _describe_costs(decision: Decision) -> str:
-    """Return in words, after "; ", the number of candidates, and what the best two cost, s."""
+    """Return, as text after "; ", the number of candidates, and the costs of the best two, s."""
     if not decision.candidates:
         return "; as planned before"
     if math.isnan(decision.value_s):

@@ -178,7 +178,7 @@ def _choose_alike_pairs(
 
 
 def _visible_distances_after(pairs: Ints, film_rows: int, visible: VisibleDistance) -> Floats:
-    """Return the visible distances (k,) of the rows after each pair of rows (k, 2)."""
+    """Return how different (k,) the rows after each pair of rows (k, 2) look in one pose."""
     row, neighbour = (pairs + 1).T
     return visible(row, neighbour % film_rows, neighbour >= film_rows)
 

@@ -84,11 +84,9 @@ class PaperPlayer:
         )  # fmt: skip
 
     def begin(
-        self,
-        rng: np.random.Generator,
-        route: Route | None = None,
+        self, rng: np.random.Generator, route: Route | None = None,
         obstacles: Obstacles = NO_OBSTACLES,
-    ) -> State:
+    ) -> State:  # fmt: skip
         """Return the state of a fish at a random place; FinloopError if given a route."""
         if route is not None:
             raise FinloopError(

@@ -94,11 +94,9 @@ class Planner:
     # --- where a fish begins, and which others it knows
 
     def begin(
-        self,
-        rng: np.random.Generator,
-        route: Route | None = None,
+        self, rng: np.random.Generator, route: Route | None = None,
         obstacles: Obstacles = NO_OBSTACLES,
-    ) -> State:
+    ) -> State:  # fmt: skip
         """Return the state of a fish at a random place, clear of the walls and of the other fish.
 
         With a route the fish is at its beginning, even if another fish is there. NoRoom where none
