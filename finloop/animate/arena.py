@@ -312,8 +312,7 @@ def choose_fish_area(
     other parameters are those of `tank_area`.
     """
     area = tank_area(arena, hulls, tank_setting, floor)
-    is_too_small = not _legal_centres(area, reach_px).any()
-    return arena if tank_setting == "auto" and is_too_small else area
+    return arena if tank_setting == "auto" and not _legal_centres(area, reach_px).any() else area
 
 
 def size_that_fits(area: Mask, reach_px: float) -> float:
