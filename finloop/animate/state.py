@@ -43,7 +43,7 @@ class Fish(NamedTuple):
 
     @property
     def is_bent(self) -> bool:
-        """Return whether a sprite shows the fish bent, as where a turn is cut short."""
+        """Return whether the sprite on screen shows a bent fish, as when a turn is cut short."""
         return self.row < 0 and self.state == TURN and self.area > 0
 
     @property

@@ -49,7 +49,7 @@ def measure_movement(pose: Pose) -> Movement:
     """Return how far [body lengths] the body turns and bends from each of n poses to the next."""
 
     def measure_movement_from(rows: slice) -> Floats:
-        """Return how far the backbone moves from each of k rows to the row after it, (2, k)."""
+        """Return how far the body moves from k rows to the next: in all, and by bending (2, k)."""
         batch = pose[rows.start : rows.stop + 1]
         # The backbones about their centres, headed right, a body length long; y points down.
         lines = batch.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()

@@ -148,11 +148,11 @@ class Network:
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most_ticks, self.p)
 
     def swim_straight(self, approach: GoalApproach, rng: np.random.Generator) -> Stretch | None:
-        """Return a slide, acceleration, deceleration or plain straight; None if a wall is ahead.
+        """Return a stretch of straight swimming, such as a slide; None if a wall is ahead.
 
-        It has the duration, speeds and drift of a random phase (straight swimming in the film) that
-        begins at about the fish's speed. The heading drifts towards the aim, and beyond it while
-        the aim is far.
+        It is a slide, an acceleration, a deceleration or plain. It has the duration, speeds and
+        drift of a random phase (straight swimming in the film) that begins at about the fish's
+        speed. The heading drifts towards the aim, and beyond it while the aim is far.
         """
         motion, phases, fish = self.world.motion, self.phases, approach.fish
         # The phases, by rising first speed, that in the film, too, follow the fish's present
