@@ -178,9 +178,9 @@ def _open_store(path: Path) -> CutoutStore:
 
 
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
-    """Cut out the fish in every frame and follow each; return their tracks.
+    """Cut out and follow the fish in all frames; return their tracks and cut-outs.
 
-    Both are also written to `folder`/extract. A frame that cannot be decoded counts as one without
+    They are also written to `folder`/extract. A frame that cannot be decoded counts as one without
     fish, and a warning names it. `workers`: number of threads. `changes` override
     `finloop.extract.settings.ExtractSettings`.
     """
@@ -287,7 +287,7 @@ def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.Da
 def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPoses:
     """Return every row's pose as a few numbers, its pose code (n, c), and the shapes behind them.
 
-    The result also holds the shapes that the codes stand for. `changes` override
+    `changes` override
     `finloop.pose.settings.PoseSettings`.
     """
     return compute_film_poses(tracks.table, features, settings("pose", **changes))

@@ -171,7 +171,7 @@ def _draw_dog_film(walk: DogFilm, folder: Path) -> CyclePictures:
 
 
 def _fill_in_reference_gammas(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> None:
-    """Write what γ of the drawn dog's limbs should be into a table of fitted γ, in place.
+    """Write the expected γ of the drawn dog's limbs into a table of fitted γ, in place.
 
     table: from `_gamma_table`, a row per contour and subcycle. true: γ of the motion with which the
     dog is drawn. exact: γ fitted to its contours, which are known without a film. clock: γ of the

@@ -150,7 +150,7 @@ def _solver_errors(hoop: Problem, massless: Problem) -> dict[str, float]:
 def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
     """Return two problems of a bent hoop that is let go: with mass, and without.
 
-    It begins with the outline drawn in `p.hoop`; at rest it is a circle of the same area.
+    The hoop begins with the outline in `p.hoop`; at rest it is a circle of the same area.
     """
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
@@ -169,8 +169,8 @@ def _bent_hoops(p: MorphSettings) -> tuple[Problem, Problem]:
 def _draw_curve_paper_figures(p: MorphSettings) -> dict[str, float]:
     """Draw Figs. 2 and 3 of the curve paper; return how diagonal its stiffness matrices are.
 
-    Return by name how much of such a matrix is off its diagonal, in % of its energy, for several
-    wavelets, each with 1, 2 and 3 levels.
+    The numbers, by name, say how much of a matrix is off its diagonal, in % of its energy, for
+    several wavelets, each with 1, 2 and 3 levels.
     """
     outline = max(glyph_outlines(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)

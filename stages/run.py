@@ -102,8 +102,8 @@ def _limit_threads() -> None:
 def _copy_machine_code() -> None:
     """Copy compiled functions from the repository into a temporary experiment's folder.
 
-    It is in a temporary experiment, a copy of the repository without them. Compiling them again
-    takes ten seconds. `base.kernel` checks that the sources are equal.
+    Such an experiment is a copy of the repository without them. Compiling them again takes ten
+    seconds. `base.kernel` checks that the sources are equal.
     """
     root = Path(os.environ.get("DVC_ROOT", "."))  # the repository
     if root.resolve() == Path.cwd():

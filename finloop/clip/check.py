@@ -271,9 +271,9 @@ def _examine_frames(
 
 
 def measure_field_order(before: Picture, after: Picture) -> float:
-    """Return whether the upper (> 0) or the lower field (< 0) of interlaced film is earlier.
+    """Return above 0 if the upper field of interlaced film is earlier, below 0 if the lower is.
 
-    It is above 0 for the upper field, below 0 for the lower: up to ±0.8, and 0 for whole pictures;
+    The number is up to ±0.8, and 0 for whole pictures;
     NaN if too little moved. before, after: two successive grey frames (h, w). In interlaced film
     two fields, the even and the odd rows, are woven into one picture, though they were taken half a
     frame apart. From a frame's later field to the next frame's earlier field it is half a frame,

@@ -94,8 +94,8 @@ class ClipResult:
     def metrics(self) -> dict[str, float]:
         """Return metrics by name: quality of the clip and, after a repair, of the film before it.
 
-        The latter begin with `filmed_`. For each repair there is `mended_…`, 0 or 1, and for each
-        that was tried but made the film no better `refused_…`, 1.
+        Names of measures before a repair begin with `filmed_`. For each repair there is `mended_…`,
+        0 or 1, and for each that was tried but made the film no better `refused_…`, 1.
         """
         metrics = dict(vars(self.quality))
         if self.mended:
@@ -224,7 +224,7 @@ def _write_planned_version(
 ) -> tuple[_Version, Quality]:
     """Write a clip with the repairs that help its sample; return it and the film's quality.
 
-    The latter is that of the film before any repair.
+    The film's quality is that before any repair.
     """
     sample = _FilmSample(footage)
     is_asked = any(getattr(p, mode) != "never" for mode in REPAIRED_BY.values())

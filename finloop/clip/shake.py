@@ -79,7 +79,7 @@ def to_grey(picture: Picture) -> Picture:
 def _smooth_grey(picture: Picture) -> tuple[Picture, int]:
     """Return a picture (h, w[, 3]) as grey, reduced and smoothed, and the factor of reduction.
 
-    The second result is the reduction: the largest whole number that leaves both sides `_ENOUGH`.
+    The factor is the largest whole number that leaves both sides `_ENOUGH` px.
     """
     height, width = picture.shape[:2]
     reduction = max(1, min(height, width) // _ENOUGH)

@@ -268,7 +268,7 @@ class DaskWorkers:
     def open_submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_SubmittedItem"]]:
         """Share a function with the workers; yield `submit(item)`, which gives a pending result.
 
-        The latter returns the item's pending result. work: the function, applied to each item.
+        work: the function, applied to each item.
         """
         name, numbers = uuid4().hex, count()  # they make a key for each try of each item
         with self._share_work(work) as path:

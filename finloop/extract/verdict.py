@@ -23,9 +23,9 @@ _WINDOW = 5  # frames
 def measure_area_jumps(track: Ints, frame: Ints, area_px: Floats) -> float:
     """Return the percentage of frames in which an animal's area jumps by more than 10 %.
 
-    It is off from the median of five successive frames, the frame in their middle: parts of the
-    animal come or go for a moment. NaN if no track has five successive frames. track, frame, area
-    (rows,): of each silhouette of an animal, in any order.
+    The area jumps if it differs by so much from the median of five successive frames, the frame in
+    their middle: parts of the animal come or go for a moment. NaN if no track has five successive
+    frames. track, frame, area (rows,): of each silhouette of an animal, in any order.
     """
     order = np.lexsort((frame, track))
     track, frame, area_px = track[order], frame[order], area_px[order]

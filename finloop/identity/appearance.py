@@ -37,7 +37,7 @@ def appearance_descriptors(
 ) -> Floats:
     """Return numbers (rows, d) that describe the animal's looks in each row.
 
-    It holds the measures of the body, each scaled to a standard deviation of 1, and principal
+    They are the measures of the body, each scaled to a standard deviation of 1, and principal
     components of the picture, scaled together to 1. measures (rows, m): any units; read_pictures:
     returns the pictures (k, pixels) of k row numbers; most_components: their largest number.
     """

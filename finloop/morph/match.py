@@ -184,7 +184,7 @@ def _cut_ring_by_pins(line: Curve, ring: Curve, n: int, pins: Pins) -> tuple[Flo
 
 
 def _number_ring_alike(first: Floats, second: Floats) -> Floats:
-    """Return a closed polygon (n, 2), renumbered so that its points lie nearest to another's."""
+    """Return the second of two closed polygons (n, 2), renumbered to lie nearest to the first."""
     areas = [signed_area(Curve(points, closed=True)) for points in (first, second)]
     second = second[::-1] if areas[0] * areas[1] < 0 else second
     return np.roll(second, -int(misfit_by_start(first, second).argmin()), axis=0)

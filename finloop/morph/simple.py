@@ -143,9 +143,9 @@ def path_lengths(poses: Points) -> Points:
 def _find_simple_path(first: Points, second: Points, layout: ContourLayout, pinned: bool) -> Points:
     """Return poses (k, n, 2) between contours (n, 2), with straight motion without folds.
 
-    Both are simplified step by step, and the path is the shortest one on which a straight motion
-    joins a pose of each. If none can be joined, it leads through the last, simplest ones. pinned:
-    as in `morph_contours`.
+    Both ends are simplified step by step, and the path is the shortest one on which a straight
+    motion joins a pose of each. If none can be joined, it leads through the last, simplest ones.
+    pinned: as in `morph_contours`.
     """
     a, b = _simplify_contours(first, layout), _simplify_contours(second, layout)
     length: float = np.inf

@@ -148,7 +148,7 @@ def backbone_length_share(shapes: PoseShapes) -> float:
 def straight_distance_share(shapes: PoseShapes, along: Floats) -> float:
     """Return the straight distance of two body points in the mean posture, in typical lengths.
 
-    Its unit is `size_px`, the typical length. along (2,): the places, 0 = head, 1 = tail.
+    along (2,): the points, 0 = head, 1 = tail. The unit is `size_px`.
     """
     zeros = np.zeros(1)
     ends = places_on_body(Pose(zeros, zeros, zeros, zeros + 1, shapes.mean[None]), along)[0]
