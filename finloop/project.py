@@ -371,7 +371,7 @@ class Project:
 
     @cached_property
     def network_mode(self) -> Network:
-        """Return the flow chart of mode `network`, which `hybrid` uses, too."""
+        """Return mode `network`, which steers by a flow chart; mode `hybrid` uses it, too."""
         from finloop.modes.network import make_network
 
         return make_network(self.sprite_assets, self.motion_network, self.settings("network"))

@@ -140,7 +140,7 @@ def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]
     named_films = list(zip(unique_film_names(p.film for p in films), films, strict=True))
 
     def no_progress(*_: object) -> AbstractContextManager[Callable[[], None]]:
-        """Return a context with a function that reports no progress, as films are counted."""
+        """Return a context with a function that does nothing, in place of progress."""
         return nullcontext(lambda: None)
 
     with report_progress("clip", len(films), "films") as advance:

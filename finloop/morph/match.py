@@ -93,7 +93,7 @@ def match_curves(
 def match_any_curves(
     a: Curve, b: Curve, n: int, resolution: Resolution = FULL, pins: Pins | None = None
 ) -> tuple[Floats, Floats, bool]:
-    """Return two curves, one perhaps open, as corresponding points (n, 2), and if they are closed.
+    """Return two curves as corresponding points (n, 2), and whether they are paired as closed.
 
     One may be open and the other closed; if such a pair has pins, the closed one is cut between
     them. FinloopError as in `match_curves`.
@@ -263,7 +263,10 @@ def _whole_parts(shares: Floats, total: int) -> Ints:
 
 
 def _marks_along(widths: Floats, counts: Ints, with_end: bool) -> Floats:
-    """Return marks that divide each of k spans into equal parts; widths, counts (k,): of spans."""
+    """Return marks that divide each of k spans into equal parts; the spans lie end to end.
+
+    widths (k,): of the spans, with the sum 1; counts (k,): of parts; with_end: also the mark 1.
+    """
     lows = np.r_[0.0, np.cumsum(widths)[:-1]]
     marks = [low + width * np.arange(count) / count
              for low, width, count in zip(lows, widths, counts, strict=True)]  # fmt: skip
