@@ -23,11 +23,12 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pipeline import ROOT
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Mask
 from finloop.base.drawing import Curve
 from finloop.base.errors import FinloopError
 from finloop.gait.limbs import BODY, region_contour
 from finloop.io.picture import load_picture
+from finloop.morph.folds import count_polygon_folds
 
 FOLDER = ROOT / "data/gaits/horse"
 DARK = 0.6  # of the grey level of the sky, half-way to the animal: darker near an axis is animal
@@ -84,24 +85,43 @@ def trace_parts(picture: Floats, axes: Mapping[str, Axis]) -> dict[str, Curve]:
     smooth = cv2.GaussianBlur(picture, (0, 0), 1)
     shade = picture / cv2.dilate(smooth, np.ones((SKY_PX, SKY_PX)))
     shade[GROUND_PX:] = 1
-    distances = {name: axis.distances(*picture.shape) for name, axis in axes.items()}
+    # The rider's leg on the body is as bright as the sky.
+    solid = {name: (shade < PALE) | (name == BODY) for name in axes}
+    return outline_parts(axes, shade < DARK, solid, LEG_SLACK_PX)
+
+
+def outline_parts(
+    axes: Mapping[str, Axis], animal: Mask, solid: Mapping[str, Mask], slack_px: float
+) -> dict[str, Curve]:
+    """Return the outlines of an animal's parts, px: their axes, and the animal beside them.
+
+    axes: by id. animal (h, w): its silhouette, which counts up to slack_px from a leg, or SLACK_PX.
+    solid (h, w): by id, where the axis itself counts. FinloopError if a part is not there.
+    """
+    distances = {name: axis.distances(*animal.shape) for name, axis in axes.items()}
     nearest = np.min(list(distances.values()), axis=0)
     curves = dict[str, Curve]()
     for name, distance in distances.items():
-        within_reach = (distance == nearest) & (distance < SLACK_PX.get(name, LEG_SLACK_PX))
-        # The rider's leg on the body is as bright as the sky.
-        on_axis = (distance < 0) & ((shade < PALE) | (name == BODY))
-        contour = region_contour(on_axis | within_reach & (shade < DARK))
+        within_reach = (distance == nearest) & (distance < SLACK_PX.get(name, slack_px))
+        contour = region_contour((distance < 0) & solid[name] | within_reach & animal)
         if isinstance(contour, str):
             raise FinloopError(
                 f"the silhouette at the joints of {name}: {contour}",
-                "a dark animal before a light sky, all of it in the picture",
-                "give the folder of the photographs in which the joints are marked",
+                "the animal, all of it in the picture",
+                "give the pictures in which the joints are marked",
             )
-        corners = contour.points.astype(np.float32)
-        kept = cv2.approxPolyDP(corners, TOLERANCE_PX, True)[:, 0].astype(np.float64)
-        curves[name] = Curve(kept, closed=True)
+        curves[name] = _thin_out(contour)
     return curves
+
+
+def _thin_out(contour: Curve) -> Curve:
+    """Return an outline with fewer corners, TOLERANCE_PX beside it at most, that does not cross."""
+    corners, tolerance = contour.points.astype(np.float32), TOLERANCE_PX
+    while True:
+        kept = cv2.approxPolyDP(corners, tolerance, True)[:, 0].astype(np.float64)
+        if not count_polygon_folds(kept)[0]:
+            return Curve(kept, closed=True)
+        tolerance /= 2  # where a leg is thin, its sides must not meet
 
 
 def svg_text(curves: Mapping[str, Curve], height: int, width: int) -> str:

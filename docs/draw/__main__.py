@@ -117,6 +117,7 @@ def draw_drawings() -> None:
     drawings = {
         "morph": ("morph", ["face_a", "face_b"], ["--frames", "36", "--back"]),
         "dog": ("gait", ["dog_1", "dog_2"], ["--gait", "dog_walk"]),
+        "dog_trot": ("gait", ["dog_1", "dog_2"], ["--gait", "dog_trot"]),
         "fish": ("gait", ["fish_1", "fish_2"], swim),
     } | {
         f"{animal}_gallop": ("gait", [f"{animal}_gallop_{key}" for key in (1, 2, 3, 4)], gallop)

@@ -460,11 +460,11 @@ def _used_shapes(
     target = document.by_id.get(target_id) if target_id else None
     if target is None:
         return
-    x, y = (read_length(key, _stated(element, group.values, key, "0"), size)
+    x, y = (read_length(key, _read_attribute(element, group.values, key, "0"), size)
             for key, size in zip("xy", group.size, strict=True))  # fmt: skip
     place = tuple(
         read_length(key, text, size)
-        if (text := _stated(element, group.values, key) or target.get(key))
+        if (text := _read_attribute(element, group.values, key) or target.get(key))
         else size
         for key, size in zip(("width", "height"), group.size, strict=True)
     )
@@ -485,10 +485,10 @@ def _viewport_context(
     """
     x, y = 0.0, 0.0
     if local_name(element) == "svg":
-        x, y = (read_length(key, _stated(element, group.values, key, "0"), size)
+        x, y = (read_length(key, _read_attribute(element, group.values, key, "0"), size)
                 for key, size in zip("xy", group.size, strict=True))  # fmt: skip
     width, height = place or (
-        read_length(key, _stated(element, group.values, key, "100%"), size)
+        read_length(key, _read_attribute(element, group.values, key, "100%"), size)
         for key, size in zip(("width", "height"), group.size, strict=True)
     )
     box = _read_view_box(element)
@@ -499,7 +499,7 @@ def _viewport_context(
     return group._replace(matrix=matrix * group.matrix, size=size, is_moved=True)
 
 
-def _stated(
+def _read_attribute(
     element: ElementTree.Element, values: Mapping[str, str], key: str, usual: str = ""
 ) -> str:
     """Return a length, or path data, that a style or an attribute states, by its key."""
@@ -587,11 +587,17 @@ def _read_shape(
         """Return a length of the element in px; 100 % is the width, the height or their mean."""
         along = {"x": size[0], "w": size[0], "y": size[1], "h": size[1]}
         which = key[1] if key[0] in "cr" and len(key) > 1 else key[0]
-        return read_length(key, _stated(element, values, key, usual), along.get(which, diagonal))
+        return read_length(
+            key, _read_attribute(element, values, key, usual), along.get(which, diagonal)
+        )
 
     def radius(key: str, other: str) -> float | None:
         """Return the radius of a rounded corner; None if none is stated."""
-        known = {name for name in (key, other) if _stated(element, values, name, "auto") != "auto"}
+        known = {
+            name
+            for name in (key, other)
+            if _read_attribute(element, values, name, "auto") != "auto"
+        }
         return length(key if key in known else other) if known else None
 
     if tag == "path":

@@ -1,8 +1,9 @@
 """Figs. 8–14 of the curve paper for any contours: a dog's limbs, a fish's outline."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import cycle, pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,6 +37,8 @@ _COLUMNS = 6  # pictures per row
 _FRAMES = 18  # contours in Fig. 8, at most
 
 Pose = Mapping[str, Points]
+Id = TypeVar("Id", str, SubcycleKey)
+Value = TypeVar("Value")
 
 
 def draw_gait_figures(
@@ -47,8 +50,12 @@ def draw_gait_figures(
     Of Fig. 11 there are four: "fig11" shows the one γ of each limb over time; "fig11_scale",
     "fig11_coefficient" and "fig11_coordinate" show γ over the coefficients, by what shares a γ.
     film: contours with their phases. pictures: frames of the film with their phases; None = Fig. 8
-    shows contours.
+    shows contours. Contours are in the order of their ids, so a limb has one colour in all films.
     """
+    film = replace(film, contours=_sort_by_id(film.contours))
+    gait = replace(gait, support=_sort_by_id(gait.support))
+    keys = [_sort_by_id(key) for key in keys]
+    subcycles = _sort_by_id(subcycles)
     yield "fig8", _figure8(*pictures) if pictures else _figure8_contours(film)
     yield "fig9", _figure9(gait, keys, film)
     yield "fig10", _figure10(film, keys, gait.split)
@@ -60,6 +67,11 @@ def draw_gait_figures(
     yield "fig12", _figure12(gait, keys, film)
     yield "fig13", _figure13(gait, keys, film)
     yield "fig14", _figure14(gait, keys, film)
+
+
+def _sort_by_id(values: Mapping[Id, Value]) -> dict[Id, Value]:
+    """Return a mapping in the order of its keys."""
+    return {key: values[key] for key in sorted(values)}
 
 
 def _figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points) -> Figure:
