@@ -243,10 +243,6 @@ def test_the_command_from_end_to_end(tmp_path):
         ('<path id="box" d="M5 5L5 5"/>', "curve box"),
         ('<path id="box" d="M5 5L1e999 5"/>', "curve box"),
         ('<path id="box" d="M9 9L60 60V9L9 60z"/>', "shape 'box'"),
-        (
-            '<path id="box" d="M9 9V60M60 9V60"/>',
-            "shape 'box': contours: 2 in the first drawing, 1",
-        ),
     ],
 )
 def test_the_command_tells_what_is_wrong_and_leaves_nothing(tmp_path, body, says, capsys):

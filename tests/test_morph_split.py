@@ -332,3 +332,15 @@ def test_pins_of_pieces_and_of_a_line_that_closes(tmp_path):
     same = Pins(np.array([[20, 70], [80, 70.0]]), np.array([[50, 70], [50, 90.0]]))
     with pytest.raises(FinloopError, match="pins that do not follow each other"):
         match_any_curves(a.curves["mouth"], ring, 61, pins=same)
+
+
+def test_linear_is_advised_only_where_it_works():
+    crossing = [polygon(SQUARE), polygon(SQUARE + 5)]
+    with pytest.raises(FinloopError) as error:
+        match_drawings(drawing(a=crossing), drawing(a=polygon(SQUARE)))
+    assert "linear" not in error.value.do
+    ends = match_drawings(drawing(a=crossing), drawing(a=[polygon(SQUARE), polygon(SQUARE + 20)]))
+    with pytest.raises(FinloopError) as error:
+        morph_drawings(*ends[:2], "fold_free", 3, 32)
+    assert "linear" in error.value.do
+    assert list(morph_drawings(*ends[:2], "linear", 3, 32).layers) == ["a", "a#2"]
