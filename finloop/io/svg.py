@@ -502,8 +502,9 @@ def _viewport_context(
 def _read_attribute(
     element: ElementTree.Element, values: Mapping[str, str], key: str, usual: str = ""
 ) -> str:
-    """Return a length, or path data, that a style or an attribute states, by its key."""
-    return values.get(key) or element.get(key) or usual
+    """Return a length that a style or an attribute states, by its key."""
+    styled = values.get(key, "auto")
+    return styled if styled != "auto" else element.get(key) or usual
 
 
 def _read_transform(key: str, text: str) -> Any:
