@@ -417,6 +417,20 @@ def test_a_symbol_has_the_size_that_its_use_gives_it(tmp_path):
     assert drawing.curves["in"].points[0].tolist() == [10, 20]
 
 
+@pytest.mark.parametrize("tag", ["svg", "symbol"])
+def test_a_nested_viewport_that_cuts_a_shape_is_refused_by_name(tmp_path, tag):
+    use = '<use href="#s" x="20" width="50" height="50" transform="rotate(30)"/>' * (
+        tag == "symbol"
+    )
+    nested = f'<{tag} id="s" viewBox="0 0 10 10" width="50" height="50" STYLE><path id="a" d="M0 0H9V12z"/></{tag}>'
+    body = nested + use
+    with pytest.raises(FinloopError) as error:
+        load(tmp_path, body.replace("STYLE", ""))
+    assert "overflow: hidden, of an svg or symbol that cuts it ('a')" in error.value.came
+    assert len(load(tmp_path, body.replace("STYLE", 'overflow="visible"')).curves) == 1
+    assert len(load(tmp_path, body.replace("STYLE", "").replace("V12z", "V9z")).curves) == 1
+
+
 def test_gradients_in_hidden_groups_and_their_stops_by_id(tmp_path):
     body = (
         '<g style="display:none"><linearGradient id="g" color="red"><stop id="first"/>'

@@ -41,6 +41,7 @@ from finloop.io.svg_style import (
 
 FLATNESS = 1e-4  # share of the larger side of the drawing
 MOST_CONTOURS = 1000
+CUT = 0.01  # share of a nested viewport that a shape may reach beyond it and count as whole
 
 _GROUPS = ("svg", "g", "a")
 _SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
@@ -105,6 +106,8 @@ class _Context(NamedTuple):
     refused: frozenset[str] = frozenset()  # keys of `_REFUSED`
     is_used: bool = False  # whether a `use` shows it: ids are not its own then
     is_moved: bool = False  # whether a transform moves it
+    # matrices from px of the picture to unit squares that cut what is shown: of nested viewports
+    cuts: tuple[Any, ...] = ()
 
 
 class _ShownShape(NamedTuple):
@@ -496,7 +499,11 @@ def _viewport_context(
         matrix, size = svg.Matrix(1, 0, 0, 1, x, y), (width, height)
     else:
         matrix, size = _fit_box(box, (x, y, width, height), element), (box[2], box[3])
-    return group._replace(matrix=matrix * group.matrix, size=size, is_moved=True)
+    cuts = group.cuts
+    square = svg.Matrix(width, 0, 0, height, x, y) * group.matrix
+    if group.values.get("overflow") not in ("visible", "auto") and square.determinant:
+        cuts += (~square,)
+    return group._replace(matrix=matrix * group.matrix, size=size, is_moved=True, cuts=cuts)
 
 
 def _read_attribute(
@@ -547,6 +554,10 @@ def _read_contours(
             )
         curves = [curve for curve, keep in zip(curves, is_edge, strict=True) if keep]
     for curve in curves:
+        for m in item.group.cuts if np.isfinite(curve.points).all() else ():
+            unit = curve.points @ [[m.a, m.b], [m.c, m.d]] + [m.e, m.f]
+            if unit.min() < -CUT or unit.max() > 1 + CUT:
+                raise UnreadableValueError("overflow: hidden, of an svg or symbol that cuts it")
         yield curve, paint
 
 

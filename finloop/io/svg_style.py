@@ -45,7 +45,7 @@ INHERITED = {
 OWN = {
     *("display", "opacity", "clip-path", "mask", "filter", "mix-blend-mode", "transform"),
     *("transform-origin", "transform-box", "translate", "rotate", "scale", "offset-path"),
-    *("vector-effect", "stop-color", "stop-opacity"),
+    *("vector-effect", "overflow", "stop-color", "stop-opacity"),
 }
 GEOMETRY = {"d", "x", "y", "width", "height", "cx", "cy", "r", "rx", "ry"}
 """Attributes that style sheets may state, too."""
