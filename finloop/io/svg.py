@@ -1,8 +1,8 @@
 """Read SVG drawings: every path command, basic shapes, transforms, groups, `use`, viewBox, styles.
 
-svgelements reads the geometry of paths, `io.svg_style` styles; elements are followed here. Curved
-pieces become polylines that stay within FLATNESS of them. A path of several contours gives a layer
-for each: `d`, `d#2`, `d#3` …
+`io.svg_shapes` reads the geometry of shapes, `io.svg_style` styles; elements are followed here.
+Curved pieces become polylines that stay within FLATNESS of them. A path of several contours gives
+a layer for each: `d`, `d#2`, `d#3` …
 
 `io.svg_safe` says which files are read. What would change the picture and is no contour, such as a
 clip path, is refused by name, and so is a value that cannot be read.
@@ -10,24 +10,27 @@ clip path, is refused by name, and so is a value that cannot be read.
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
 from xml.etree import ElementTree
 
 import numpy as np
-import skimage.measure
 import svgelements as svg
 
-from finloop.base.arrays import Points
 from finloop.base.drawing import LARGEST, Curve, Drawing, clean_curve
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
 from finloop.base.style import Fill, Gradient, Paint, Stop
 from finloop.io.svg_safe import load_safe_tree, read_href, use_target
+from finloop.io.svg_shapes import (
+    find_area_edges,
+    read_attribute,
+    read_shape,
+    shape_polylines,
+)
 from finloop.io.svg_style import (
     UnreadableValueError,
     Values,
@@ -86,8 +89,6 @@ _TRANSFORM = re.compile(
     r"[\s,]*+(?:(?:matrix|translate[XY]?|scale[XY]?|rotate|skew[XY]?)\s*+"
     r"\(\s*+(?:[-+.\d][^\s,()]*+[\s,]*+)*+\)[\s,]*+)*+"
 )
-_FEW = 64  # points of a contour that show whether it lies within another one
-_MOST_PIECES = 500  # pieces of one curved segment
 _MOST_PARTS = 64  # stops of a gradient, and lengths of a dashed line
 _NEAREST_FOCUS = 0.99  # radii from the centre of a gradient to its focus
 # What svgelements raises where it does not understand a drawing.
@@ -463,11 +464,11 @@ def _used_shapes(
     target = document.by_id.get(target_id) if target_id else None
     if target is None:
         return
-    x, y = (read_length(key, _read_attribute(element, group.values, key, "0"), size)
+    x, y = (read_length(key, read_attribute(element, group.values, key, "0"), size)
             for key, size in zip("xy", group.size, strict=True))  # fmt: skip
     place = tuple(
         read_length(key, text, size)
-        if (text := _read_attribute(element, group.values, key) or target.get(key))
+        if (text := read_attribute(element, group.values, key) or target.get(key))
         else size
         for key, size in zip(("width", "height"), group.size, strict=True)
     )
@@ -488,10 +489,10 @@ def _viewport_context(
     """
     x, y = 0.0, 0.0
     if local_name(element) == "svg":
-        x, y = (read_length(key, _read_attribute(element, group.values, key, "0"), size)
+        x, y = (read_length(key, read_attribute(element, group.values, key, "0"), size)
                 for key, size in zip("xy", group.size, strict=True))  # fmt: skip
     width, height = place or (
-        read_length(key, _read_attribute(element, group.values, key, "100%"), size)
+        read_length(key, read_attribute(element, group.values, key, "100%"), size)
         for key, size in zip(("width", "height"), group.size, strict=True)
     )
     box = _read_view_box(element)
@@ -504,14 +505,6 @@ def _viewport_context(
     if group.values.get("overflow") not in ("visible", "auto") and square.determinant:
         cuts += (~square,)
     return group._replace(matrix=matrix * group.matrix, size=size, is_moved=True, cuts=cuts)
-
-
-def _read_attribute(
-    element: ElementTree.Element, values: Mapping[str, str], key: str, usual: str = ""
-) -> str:
-    """Return a length that a style or an attribute states, by its key."""
-    styled = values.get(key, "auto")
-    return styled if styled != "auto" else element.get(key) or usual
 
 
 def _read_transform(key: str, text: str) -> Any:
@@ -536,17 +529,17 @@ def _read_contours(
     document: _Document, item: _ShownShape, tolerance_px: float
 ) -> Iterator[tuple[Curve, Paint | None]]:
     """Yield every contour of a shape that a drawing shows, and how it is painted."""
-    shape = _read_shape(item.element, item.group.values, item.group.size)
+    shape = read_shape(item.element, item.group.values, item.group.size)
     if shape is None:
         return
     # Before the shape changes its coordinates:
     paint = _read_paint(document, item.group, item.element, shape)
     shape *= item.group.matrix
     shape.reify()
-    curves = list(_shape_contours(shape, tolerance_px))
+    curves = list(shape_polylines(shape, tolerance_px))
     is_nonzero = item.group.values.get("fill-rule") != "evenodd"
     if is_nonzero and len(curves) > 1 and paint is not None and paint.fill is not None:
-        is_edge = _find_edges(curves)
+        is_edge = find_area_edges(curves)
         if paint.stroke is not None and not all(is_edge):
             raise UnreadableValueError(
                 "fill-rule: nonzero, for a contour with a line within the area (reverse it for a"
@@ -559,179 +552,6 @@ def _read_contours(
             if unit.min() < -CUT or unit.max() > 1 + CUT:
                 raise UnreadableValueError("overflow: hidden, of an svg or symbol that cuts it")
         yield curve, paint
-
-
-def _find_edges(curves: Sequence[Curve]) -> list[bool]:
-    """Return of each contour whether its area ends there by the rule `nonzero`.
-
-    Where contours cross, all of them are edges: the even-odd rule paints them.
-    """
-    if not all((np.abs(curve.points) <= LARGEST).all() for curve in curves):
-        return [True] * len(curves)  # refused later, by name
-    signs, around = [], [0] * len(curves)  # how often the area around a contour is within others
-    for curve in curves:
-        x, y = (curve.points - curve.points[0]).T
-        signs.append(int(np.sign(x @ np.roll(y, -1) - y @ np.roll(x, -1))))
-    boxes = [(curve.points.min(axis=0), curve.points.max(axis=0)) for curve in curves]
-    for at, number in permutations(range(len(curves)), 2):
-        (low, high), (other_low, other_high) = boxes[at], boxes[number]
-        if (low < other_low).any() or (high > other_high).any():
-            continue
-        few = curves[at].points[:: max(1, len(curves[at].points) // _FEW)]
-        is_inside = skimage.measure.points_in_poly(few, curves[number].points)
-        if is_inside.any() and not is_inside.all():
-            return [True] * len(curves)
-        around[at] += signs[number] * bool(is_inside.all())
-    return [0 in (outside, outside + sign) for outside, sign in zip(around, signs, strict=True)]
-
-
-def _read_shape(
-    element: ElementTree.Element, values: Mapping[str, str], size: tuple[float, float]
-) -> Any:
-    """Return a shape as svgelements has it, in its own coordinates; None if nothing is drawn.
-
-    values: of its properties; size: of the viewport.
-    """
-    tag = local_name(element)
-    diagonal = float(np.hypot(*size) / np.sqrt(2))
-
-    def length(key: str, usual: str = "0") -> float:
-        """Return a length of the element in px; 100 % is the width, the height or their mean."""
-        along = {"x": size[0], "w": size[0], "y": size[1], "h": size[1]}
-        which = key[1] if key[0] in "cr" and len(key) > 1 else key[0]
-        return read_length(
-            key, _read_attribute(element, values, key, usual), along.get(which, diagonal)
-        )
-
-    def radius(key: str, other: str) -> float | None:
-        """Return the radius of a rounded corner; None if none is stated."""
-        known = {
-            name
-            for name in (key, other)
-            if _read_attribute(element, values, name, "auto") != "auto"
-        }
-        return length(key if key in known else other) if known else None
-
-    if tag == "path":
-        return svg.Path(_read_path_data(element, values))
-    if tag in ("polyline", "polygon"):
-        shape = svg.Polygon if tag == "polygon" else svg.Polyline
-        return shape(element.get("points", ""))
-    if tag == "line":
-        return svg.SimpleLine(length("x1"), length("y1"), length("x2"), length("y2"))
-    if tag == "rect":
-        width, height = length("width"), length("height")
-        if width <= 0 or height <= 0:
-            return None
-        corner = {"rx": radius("rx", "ry"), "ry": radius("ry", "rx")}
-        corner = {key: value for key, value in corner.items() if value}
-        return svg.Rect(length("x"), length("y"), width, height, **corner)
-    rx, ry = (length("r"),) * 2 if tag == "circle" else (radius("rx", "ry"), radius("ry", "rx"))
-    if not rx or not ry or rx < 0 or ry < 0:
-        return None
-    return svg.Ellipse(length("cx"), length("cy"), rx, ry)
-
-
-def _read_path_data(element: ElementTree.Element, values: Mapping[str, str]) -> str:
-    """Return the data of a path: its attribute, or what a style states as `path("…")`."""
-    if (text := values.get("d")) is None:
-        return element.get("d", "")
-    if text == "none":
-        return ""
-    found = re.fullmatch(r"""path\(\s*(?:\w+\s*,\s*)?(["'])(.*)\1\s*\)""", text, re.DOTALL)
-    if found is None:
-        raise UnreadableValueError(f"d: {text[:100]}")
-    return found[2]
-
-
-def _shape_contours(shape: Any, tolerance_px: float) -> Iterator[Curve]:
-    """Yield a shape's contours as polylines; tolerance_px: largest distance from the exact curve.
-
-    A contour is closed if the shape says so, or if three points or more end where they began.
-    """
-    pieces: list[Points] = []
-    previous: Any = None
-    for segment in [*shape.segments(), svg.Move(0j)]:  # the added move ends the last contour
-        _set_smooth_control_point(previous, segment)
-        previous = segment
-        if isinstance(segment, svg.Move) and pieces:
-            points = np.concatenate(pieces)
-            closed = len(points) > 2 and bool((points[0] == points[-1]).all())
-            yield Curve(points, closed=closed)
-            pieces = []
-        elif isinstance(segment, svg.Close) and pieces:
-            yield Curve(np.concatenate(pieces), closed=True)
-            pieces = []
-        elif not isinstance(segment, svg.Move | svg.Close):
-            pieces.append(_polyline(segment, tolerance_px))
-
-
-def _set_smooth_control_point(previous: Any, segment: Any) -> None:
-    """Set the first control point of a smooth SVG segment (S or T) as the standard says.
-
-    The point mirrors the last control point of the previous segment if both are of the same kind;
-    else it is the segment's start. svgelements mirrors in both cases.
-    """
-    if not getattr(segment, "smooth", False):
-        return
-    alike = type(previous) is type(segment)
-    if isinstance(segment, svg.CubicBezier):
-        segment.control1 = 2 * segment.start - previous.control2 if alike else segment.start
-    elif isinstance(segment, svg.QuadraticBezier):
-        segment.control = 2 * segment.start - previous.control if alike else segment.start
-
-
-def _polyline(segment: Any, tolerance_px: float) -> Points:
-    """Return points (n, 2) px along a segment of an SVG path, both ends exact.
-
-    tolerance_px: largest distance of the polyline from the curve.
-    """
-    if isinstance(segment, svg.Arc):
-        return _arc_polyline(segment, tolerance_px)
-    control = [segment.start, segment.end]
-    if isinstance(segment, svg.CubicBezier):
-        control[1:1] = [segment.control1, segment.control2]
-    elif isinstance(segment, svg.QuadraticBezier):
-        control[1:1] = [segment.control]
-    nodes = _to_points(*control)
-    degree = len(nodes) - 1
-    if degree == 1:
-        return nodes
-    # A chord of a curve b(t) over a step h is at most h² max|b″| / 8 from it. Of a Bézier curve,
-    # b″ is at most degree · (degree − 1) times the largest second difference of its nodes.
-    second = degree * (degree - 1) * np.abs(np.diff(nodes, 2, axis=0)).sum(axis=1).max()
-    t = np.linspace(0, 1, _piece_count(np.sqrt(second / (8 * tolerance_px))) + 1)[:, None]
-    points_by_t: list[Points] = list(nodes)
-    while len(points_by_t) > 1:  # de Casteljau's algorithm, for all t at once
-        points_by_t = [(1 - t) * a + t * b for a, b in pairwise(points_by_t)]
-    return points_by_t[0]
-
-
-def _arc_polyline(arc: Any, tolerance_px: float) -> Points:
-    """Return points (n, 2) px along an elliptical arc, both ends exact.
-
-    tolerance_px: largest distance of the polyline from the arc.
-    """
-    radius, sweep = max(arc.rx, arc.ry), abs(float(arc.sweep))
-    # In a circle of radius r, a chord over the angle 2 arccos(1 − d / r) is d away from its arc.
-    chord_angle = 2 * np.arccos(np.clip(1 - tolerance_px / max(radius, tolerance_px), -1, 1))
-    shares = np.linspace(0, 1, _piece_count(sweep / chord_angle) + 1)
-    points = np.asarray(arc.npoint(shares), np.float64)
-    points[[0, -1]] = _to_points(arc.start, arc.end)
-    return points
-
-
-def _piece_count(count: float) -> int:
-    """Return how many straight pieces replace a curve: `count` rounded up, at most `_MOST_PIECES`.
-
-    Infinity and NaN give 1.
-    """
-    return int(np.ceil(np.clip(count, 1, _MOST_PIECES))) if np.isfinite(count) else 1
-
-
-def _to_points(*points: Any) -> Points:
-    """Convert svgelements points to an array (n, 2) of x and y."""
-    return np.array([[p.x, p.y] for p in points], np.float64)
 
 
 # --- styles
