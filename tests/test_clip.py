@@ -874,6 +874,30 @@ def test_levels_of_sixteen_bits_are_stretched(tmp_path, source, colour):
     np.testing.assert_allclose(read(footage)[1][0], (levels - 500.0) * 255 / 4000, atol=0.8)
 
 
+@pytest.mark.parametrize("scale", [1 / 255, 1 / 2550])
+def test_fractions_are_stretched_to_their_levels(tmp_path, scale):
+    frames = np.array([picture(k)[..., 0] for k in range(3)])
+    np.save(path := tmp_path / "film.npy", frames * scale)
+    shown = read(footage := open_footage(path, frame_rate_hz=10))[1]
+    wanted = (frames - 40.0) * 255 / 215
+    np.testing.assert_allclose(shown, wanted, atol=0.6)
+    assert f"3 frames of {WIDTH}×{HEIGHT}" in footage.notes[0]
+
+
+def test_masks_are_black_and_white(tmp_path):
+    masks = np.array([picture(k)[..., 0] > 100 for k in range(3)])
+    np.save(path := tmp_path / "film.npy", masks)
+    np.testing.assert_array_equal(read(open_footage(path, frame_rate_hz=10))[1], masks * 255)
+
+
+def test_webp_that_moves_is_refused_by_name(tmp_path):
+    pictures = [Image.fromarray(picture(k)) for k in range(3)]
+    path = tmp_path / "film.webp"
+    pictures[0].save(path, save_all=True, append_images=pictures[1:])
+    with pytest.raises(FinloopError, match="WebP that moves"):
+        open_footage(path)
+
+
 @pytest.mark.parametrize("bits", [12, 16])
 def test_yuv_of_sixteen_bits_is_stretched_only_if_it_does_not_fill_them(tmp_path, bits):
     grey = np.linspace(0.1, 0.9, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH)

@@ -538,6 +538,7 @@ def test_a_few_frames_more_or_fewer_are_no_fault():
     [
         (".", None, "is unknown"),
         ("a.txt", b"1 2 3", "is unknown"),
+        ("a.xlsx", b"PK", "is a spreadsheet"),
         ("a.csv", b"p,q\n1,2\n", "is unknown"),
         ("a.csv", b"", "is unknown"),
         ("a.csv", b"\xff\xfe\x00scorer", "cannot be read"),

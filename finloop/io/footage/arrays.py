@@ -87,6 +87,8 @@ def frame_of_array(array: Any, number: int) -> Picture:
         frame = frame[..., 0] if frame.shape[2] == 1 else frame[..., :3]
     if "MATLAB_class" in getattr(array, "attrs", ()):  # MATLAB stores columns before rows
         frame = frame.swapaxes(0, 1)
+    if frame.dtype == bool:  # a mask
+        frame = frame * np.uint8(255)
     return np.ascontiguousarray(frame)
 
 
@@ -121,7 +123,7 @@ def _can_be_film(array: Any) -> bool:
         channels = shape.pop(3 if shape[3] in _CHANNELS else 1)
         if channels not in _CHANNELS:
             return False
-    is_number = array.dtype.kind in "uif" and array.dtype.itemsize <= 8
+    is_number = array.dtype.kind in "buif" and array.dtype.itemsize <= 8
     return len(shape) == 3 and shape[0] > 1 and min(shape[1:]) >= _LEAST_SIDE and is_number
 
 

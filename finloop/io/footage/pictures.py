@@ -74,7 +74,9 @@ def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
             numbers = np.arange(len(array))
             names = [f"{path}, frame {k + 1}," for k in numbers]
             times = numbers / rate if rate and not has_rate else None
-            yield Album(names, partial(frame_of_array, array), numbers, times_s=times)
+            height, width = frame_of_array(array, 0).shape[:2]
+            note = f"the array {array.shape} is read as {len(array)} frames of {width}×{height} px"
+            yield Album(names, partial(frame_of_array, array), numbers, (note,), times)
 
 
 def _list_folder(folder: Path, has_rate: bool) -> Album:

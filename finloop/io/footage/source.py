@@ -198,6 +198,9 @@ def no_rate_error(path: Path, what: str) -> FinloopError:
 
 def too_few_frames_error(path: Path, count: int) -> FinloopError:
     """Return the error for a film of fewer than two frames; count: how many it has."""
+    if path.suffix.lower() == ".webp":
+        do = "save it as GIF, APNG or a folder of pictures: FFmpeg does not read WebP that moves"
+        return FinloopError(f"{path} is a WebP, of which one frame is read", WANTED_TWO, do)
     came = f"{path} holds {'a single frame' if count else 'no frame that can be decoded'}"
     folder = f", or the folder of pictures: {path.parent}"
     return FinloopError(came, WANTED_TWO, "give a whole film" + (folder if count else ""))
@@ -248,11 +251,14 @@ def choose_deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
     """Choose the two grey levels that become 0 and 255 in a film of more than 8 bits.
 
     They are percentiles over sampled frames: cameras rarely fill their 16 bits, and a few hot
-    pixels must not decide. The second is at least the first + 1.
+    pixels must not decide. The second is at least the first + 1, or of fractions above the first.
     """
+    frames = list(frames)
+    whole_numbers = all(frame.dtype.kind in "ui" for frame in frames)
     percentiles = np.array([np.percentile(frame, DEEP_PERCENTILES) for frame in frames])
     low, high = float(percentiles[:, 0].min()), float(percentiles[:, 1].max())
-    return low, max(high, low + 1)
+    least = 1.0 if whole_numbers or high <= low else high - low
+    return low, max(high, low + least)
 
 
 def stretch_levels(frame: np.ndarray, low: float, high: float) -> np.ndarray:

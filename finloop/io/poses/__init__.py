@@ -26,6 +26,7 @@ _BY_SUFFIX: dict[str, Software] = {
     ".slp": "SLEAP", ".nwb": "NWB", ".nc": "movement", ".npz": "TRex", ".npy": "idtracker.ai",
     ".pickle": "idtracker.ai", ".parquet": "idtracker.ai",
 }  # fmt: skip
+_SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods", ".numbers")
 _BY_KEY: dict[str, Software] = {  # by a group or dataset of a HDF5 file
     "df_with_missing": "DeepLabCut", "node_names": "SLEAP", "trajectories": "idtracker.ai",
     "specifications": "NWB", "position": "movement",
@@ -71,6 +72,8 @@ def load_poses(
 def _detect_software(path: Path) -> Software:
     """Return the program that made a file or folder of tracks; FinloopError if it is unknown."""
     suffix, seen = path.suffix.lower(), ""  # seen: what the file shows, for the message
+    if suffix in _SPREADSHEETS:
+        raise FinloopError(f"{path} is a spreadsheet", "a CSV file", "save its sheet as CSV")
     if path.is_dir():
         software = _folder_software(path)
     elif suffix in TEXTS:
