@@ -37,6 +37,7 @@ from finloop.plan.objectives import (
 )
 from finloop.plan.search import (
     EXTENSION,
+    RANKED,
     RUN,
     Beam,
     Candidates,
@@ -334,17 +335,18 @@ def test_a_term_that_is_switched_off_costs_nothing(term):
 def test_the_best_branches_are_kept_and_who_lost_one_is_known(most):
     rng = np.random.default_rng(most)
     totals = np.round(rng.normal(size=200), 1)  # some alike
-    none, order = np.zeros(0), np.zeros(most, np.int64)
-    beam = Beam(none, none, np.zeros(most, EXTENSION), order, np.zeros(most), none, none, none)
+    none, ranking = np.zeros(0), np.zeros(most, RANKED)
+    beam = Beam(none, none, np.zeros(most, EXTENSION), ranking, none, none, none)
     over, n = np.zeros(len(totals), bool), 0
     for k, total in enumerate(totals):
         n = insert_extension(beam, n, Extension(total, k, 2 * k, k, 0.5), over)
         assert n == min(k + 1, most)
-        assert (np.diff(beam.sorted_costs[:n]) >= 0).all()
-    firsts = beam.extensions["candidate"][order]
-    assert beam.sorted_costs.tolist() == totals[firsts].tolist() == sorted(totals)[:most]
+        assert (np.diff(ranking["cost"][:n]) >= 0).all()
+    kept = beam.extensions[ranking["number"]]
+    firsts = kept["candidate"]
+    assert ranking["cost"].tolist() == totals[firsts].tolist() == sorted(totals)[:most]
     assert sorted([*firsts, *np.flatnonzero(over)]) == list(range(len(totals)))
-    assert (beam.extensions["branch"][order] == 2 * firsts).all()
+    assert (kept["branch"] == 2 * firsts).all()
 
 
 def test_what_a_way_has_shown_is_found_in_all_of_its_runs():

@@ -77,10 +77,8 @@ def build_edit_lists(swims: Sequence[Swim], ticks: int, inputs: EditInputs) -> p
     for name in ("partner", "partner_rotation_deg", "partner_scale"):
         columns[name] = np.where(faded, columns[name], np.nan)
     for side in ("", "partner_"):
-        orientation = columns[f"{side}orientation"]
-        columns[f"{side}orientation"] = np.where(
-            columns[f"{side}kind"] == SPRITE, orientation, np.nan
-        )
+        is_sprite = columns[f"{side}kind"] == SPRITE
+        columns[f"{side}orientation"] = np.where(is_sprite, columns[f"{side}orientation"], np.nan)
     columns["fish"] = np.repeat(np.arange(len(swims)), ticks)
     columns |= {name: pd.array(columns[name], kind) for name, kind in _NULLABLE_DTYPES.items()}
     return pd.DataFrame(columns, columns=EDIT.names)
