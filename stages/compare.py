@@ -8,6 +8,8 @@ from stages.run import run  # isort: skip  (before numpy)
 
 import argparse
 import json
+from collections.abc import Collection, Iterable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +65,19 @@ def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, f
     return values
 
 
+def describe_unknown(measures: Iterable[str], known: Collection[str]) -> str:
+    """Return a sentence on the measures that are not among known ones; "" if there is none.
+
+    It names for each the known one that was perhaps meant.
+    """
+    meant = []
+    for name in measures:
+        if name not in known:
+            near = get_close_matches(name, known, 1)
+            meant.append(f"{name} (did you mean {near[0]}?)" if near else name)
+    return f"There is no number {', '.join(meant)}." if meant else ""
+
+
 def _read_cached(commit: str, path: str) -> str:
     """Return a file's text in a commit, from DVC's cache; "" if it is not there."""
     from dvc.api import DVCFileSystem  # not at the top: the import takes half a second
@@ -92,7 +107,8 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     # Runs that differ only in their seeds are one experiment; the first of them is drawn.
     first_commits = {run: commits[run] for run in table.first_runs}
     previews = draw_previews(first_commits, choose_mode(measures)) if "animate" in stages else {}
-    notes = [f"On commit {describe_commit('HEAD')}.", describe_differing_code(commits)]
+    unknown = describe_unknown(measures, {key for row in values.values() for key in row})
+    notes = [f"On commit {describe_commit('HEAD')}.", describe_differing_code(commits), unknown]
     page = comparison_page(table, title, [why, *notes], commits, previews)
     save_bytes(OUT, page.encode())
     rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T

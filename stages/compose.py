@@ -121,11 +121,11 @@ def _is_override(text: str) -> bool:
             f"`make params S=help={name}` prints the names",
         )
     if not (override.is_add() or override.is_delete()):
-        _refuse_unknown_group(text, name, override.key_or_group)
+        refuse_unknown_group(text, name, override.key_or_group)
     return True
 
 
-def _refuse_unknown_group(text: str, group: str, key: str) -> None:
+def refuse_unknown_group(text: str, group: str, key: str) -> None:
     """Raise FinloopError if an override's group is unknown, with the name that was perhaps meant.
 
     text: the override, `key=value`; key: `group` or `group.name`.

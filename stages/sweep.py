@@ -36,8 +36,13 @@ from finloop.report.headlines import HEADLINES
 from stages.clones import APART, PREFIX, claim_folder
 from stages.code import OUT as CODE
 from stages.code import file_lists
-from stages.compare import OUT, load_numbers, write_comparison
-from stages.compose import compose_params, load_experiment, quoting_error
+from stages.compare import OUT, describe_unknown, load_numbers, write_comparison
+from stages.compose import (
+    compose_params,
+    load_experiment,
+    quoting_error,
+    refuse_unknown_group,
+)
 from stages.experiment import FOLDER, Experiment
 from stages.forks import open_stage_server
 from stages.pull import cache_committed_numbers
@@ -310,7 +315,7 @@ def _sort_words(words: Sequence[str]) -> tuple[list[str], dict[str, str], list[s
     """Return the words of a command line, sorted: names, values to vary, and other overrides.
 
     A name is a word without "=". The values are by `group.key`, in Hydra's notation, as "1,2".
-    FinloopError if a word with "=" is no override of Hydra.
+    FinloopError if a word with "=" is no override of Hydra, or varies what no group has.
     """
     names, varied, fixed = list[str](), dict[str, str](), list[str]()
     for word in words:
@@ -322,6 +327,8 @@ def _sort_words(words: Sequence[str]) -> tuple[list[str], dict[str, str], list[s
         except HydraException as error:
             raise quoting_error([word]) or error from error
         if override.is_sweep_override():
+            key = override.key_or_group
+            refuse_unknown_group(word, key.partition(".")[0], key)
             varied[override.get_key_element()] = word.partition("=")[2]
         else:
             fixed.append(word)
@@ -398,6 +405,9 @@ def main() -> None:
     chosen = [f"+{FOLDER}={name}"] if name in list_sweeps() else []
     overrides = [*chosen, *list_overrides(read_params()), *fixed]
     claim_folder("stages.sweep")
+    present = load_numbers(["HEAD"], plan.stages)["HEAD"]
+    if present and (unknown := describe_unknown(plan.measures, present)):
+        print(f"finloop: {unknown}", file=sys.stderr)
     finished, failures, found = make_sweep(name, plan, overrides, max(1, jobs))
     if finished:
         why = " ".join(filter(None, (plan.why, plan.seen, found)))

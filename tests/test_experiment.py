@@ -35,6 +35,7 @@ from finloop.report.compare import (
 )
 from finloop.report.effects import rank_importance
 from stages import compose
+from stages.compare import describe_unknown
 from stages.compose import compose_params
 from stages.experiment import Experiment, parse_values
 from stages.repository import find_experiments, list_experiments, read_git_user, run_git
@@ -397,7 +398,8 @@ def test_a_named_sweep_takes_other_values_and_measures():
         ([], "nothing to sweep"),
         (["bpn.hidden_units=10"], "bpn.hidden_units=10 has one value"),
         (["bpn.hiden_units=10,20"], "did you mean bpn.hidden_units"),
-        (["bpm.hidden_units=10,20"], "bpm is no stage"),
+        (["bpm.hidden_units=10,20"], "there is no group bpm; did you mean bpn?"),
+        (["learning_rate=10,20"], "did you mean bpn.learning_rate"),
         (["learning_rate", "momentum"], "more than one sweep"),
         (["nosuch"], "nosuch"),
         (["bpn.learning_rate=interval(0.1,1)"], "sweeper: optuna"),
@@ -407,6 +409,15 @@ def test_a_named_sweep_takes_other_values_and_measures():
 def test_what_cannot_be_swept_is_refused(words, problem):
     with pytest.raises(FinloopError, match=re.escape(problem)):
         plan_sweep(words, [], NO_CHANGES)
+
+
+def test_a_measure_that_no_run_has_is_named():
+    known = {"bpn.held_out_area_rmse", "animate.film_pct"}
+    assert describe_unknown(known, known) == ""
+    text = describe_unknown(["bpn.held_out_area_rms", "animate.film_pct", "tank.x"], known)
+    assert text == (
+        "There is no number bpn.held_out_area_rms (did you mean bpn.held_out_area_rmse?), tank.x."
+    )
 
 
 # --- Optuna
