@@ -29,6 +29,7 @@ from scipy.io import savemat
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values, settings, variants
+from finloop.base.thin import thin_frame
 from finloop.clip.check import SAMPLES, ClipTally, psnr_db
 from finloop.clip.write import circle_arena, rectangle_arena
 from finloop.drawn.carp import film as carp
@@ -198,6 +199,16 @@ def test_tally_is_bounded_and_spread():
     assert tally.is_plain
     tally.add_frame(np.full((2, 2, 3), 90, np.uint8))
     assert not tally.is_plain
+
+
+@pytest.mark.parametrize("shape", [(901, 1203, 3), (720, 1280, 3), (900, 701), (20, 30, 3)])
+def test_a_thinned_frame_is_every_kth_row_and_column(shape):
+    frame = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
+    thinned = thin_frame(frame)
+    step = math.ceil(shape[0] / thinned.shape[0])
+    np.testing.assert_array_equal(thinned, frame[::step, ::step])
+    assert not np.shares_memory(thinned, frame)
+    np.testing.assert_array_equal(thin_frame(frame.astype(np.uint16)), thinned)
 
 
 def test_psnr():
