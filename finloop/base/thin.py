@@ -14,7 +14,7 @@ def thin_frame(frame: np.ndarray) -> np.ndarray:
     k is the least number that leaves at most `SAMPLE_PIXELS` pixels.
     """
     step = math.ceil(math.sqrt(frame.shape[0] * frame.shape[1] / SAMPLE_PIXELS))
-    if frame.ndim == 3 and frame.dtype == np.uint8:  # OpenCV does this in a third of the time
+    if frame.ndim == 3 and frame.dtype == np.uint8:  # OpenCV takes less time
         size = math.ceil(frame.shape[1] / step), math.ceil(frame.shape[0] / step)
         grid = np.array([[step, 0, 0], [0, step, 0]], np.float32)
         nearest = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
