@@ -126,7 +126,7 @@ TEN := $(foreach mode,network loops hybrid matching,$(mode)_auc $(mode)_trials_g
 NONE :=
 
 runs: setup ## experiments, a row each: changed parameters, the ten numbers that matter;  make runs S="--sort-by hybrid_auc"
-	@COLUMNS=300 dvc exp show --only-changed --drop '^[^.]*$$|/|^params' --keep '^(Experiment|Created|$(subst $(NONE) $(NONE),|,$(TEN)))$$' $(S)
+	@COLUMNS=300 dvc exp show --only-changed --drop '^[^.]*$$|.*/|^params' --keep '^(Experiment|Created|$(subst $(NONE) $(NONE),|,$(TEN)))$$' $(S)
 
 lint: setup ## style, types, and which room may import which
 	@ruff check

@@ -84,6 +84,7 @@ def test_an_experiment_that_varies_nothing_is_no_sweep(tmp_path, monkeypatch):
 def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
     assert compose_mapping(f"+experiment={name}") == compose_mapping()  # no title, no sweep
     sweep = experiment(name)
+    assert re.search(r"\b(one|two|three) seeds?\b", sweep.seen)  # what one seed shows may be chance
     for key, values in sweep.params.items():
         word, key = key.split(".")
         varied = list(parse_values(values))
