@@ -441,7 +441,7 @@ def test_a_fish_turns_on_the_spot_first_only_where_that_costs_less(rarity_weight
             {name: costs[k] for k, name in enumerate(TERMS)}
             for costs in (decision.taken_terms, decision.other_terms)
         )
-        turn_ticks = 180 / player.world.turn_on_spot_deg
+        turn_ticks = 180 / player.world.most_spot_turn_deg
         assert terms["rarity"] == pytest.approx(turn_ticks * 199 * rarity_weight / toy.RATE)
         assert decision.value_s == pytest.approx(sum(terms.values()))
         assert decision.value_s < sum(others.values()) - others["chance"]

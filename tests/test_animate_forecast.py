@@ -186,7 +186,7 @@ def test_the_head_of_a_fish_in_a_corner_turns_no_faster_than_a_fast_fish_swims_o
     one, world = player(), own_world()
     head_px = world.motion.body_length_px / 2  # from the centre of a fish to its head
     most = np.degrees(world.cost_weights.fast_px / head_px)
-    assert world.turn_on_spot_deg == pytest.approx(most)
+    assert world.most_spot_turn_deg == pytest.approx(most)
     legal = one.world.tank.legal
     y, x = np.argwhere(legal).min(0)
     for seed in range(20):

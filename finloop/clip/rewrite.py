@@ -297,7 +297,7 @@ def _write_version(
     if reading.corrector:
         arena = arena & reading.corrector.common_mask()
         save_mask(folder / ARENA_NAME, arena)
-    quality, tank = _check_clip(facts, tally, folder)
+    quality, tank = _measure_and_save_quality(facts, tally, folder)
     return _Version(reading, facts, tally, arena, quality, tank)
 
 
@@ -451,8 +451,13 @@ def _simplest_fraction(rate: float, frames: int) -> Fraction:
     return fraction
 
 
-def _check_clip(facts: VideoFacts, tally: ClipTally, folder: Path) -> tuple[Quality, Picture]:
-    """Measure a clip's quality, write the table of checks, and return quality and empty tank."""
+def _measure_and_save_quality(
+    facts: VideoFacts, tally: ClipTally, folder: Path
+) -> tuple[Quality, Picture]:
+    """Return a clip's quality and empty tank; save the table of checks and the tank's picture.
+
+    tally: of the clip's frames. folder: receives both files.
+    """
     # More threads would decode frames that are not read.
     read = partial(read_chosen_frames, folder / CLIP_NAME, threads=1)
     quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)

@@ -45,7 +45,7 @@ class JoinTimes(Protocol):
 
     @property
     def join_time_deltas(self) -> Literal["auto"] | float:
-        """Return the time of a join in Δ, or "auto": as long as the film's postures last."""
+        """Return the time of a join in Δ, or "auto": as long as a pose persists in the film."""
 
     @property
     def cross_fade_deltas(self) -> float:

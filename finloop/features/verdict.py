@@ -14,9 +14,9 @@ FEW_FRAMES = 5.0  # frames of a beat; no rhythm is found in fewer
 
 
 def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
-    """Yield findings on heads, headings and frames in a tail beat; none on what is unknown.
+    """Yield findings, good or doubtful, on heads, headings and frames in a tail beat.
 
-    metrics: of the stage `features`, by name; a number that does not exist is NaN or missing.
+    metrics: of the stage `features`, by name; NaN where nothing is known, and so no finding.
     """
     ahead_pct = metrics.get("headed_along_travel_pct", nan)
     if not isnan(ahead_pct):

@@ -159,7 +159,10 @@ def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
 def _mean_square_errors(
     network: _Network, number_weights: Tensor, train: _Sample, held_out: _Sample
 ) -> dict[str, float]:
-    """Return the mean square errors `train_error` and `held_out_error` of the network."""
+    """Return the weighted mean square errors `train_error` and `held_out_error` of the network.
+
+    number_weights (d,): weight of the error of each of the numbers that the network predicts.
+    """
     errors = {}
     with torch.inference_mode():
         for name, sample in (("train", train), ("held_out", held_out)):

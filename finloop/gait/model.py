@@ -82,8 +82,8 @@ def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
     return spans
 
 
-def _check_coefficients(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-    """Return γ by coefficient unchanged; ValueError unless it has 2^k rows of one length."""
+def _check_coefficient_gammas(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    """Return γ, a row for each coefficient, unchanged; ValueError unless it is 2^k equal rows."""
     if len({len(row) for row in rows}) > 1:
         raise ValueError("one γ for some coefficients, and two, x and y, for others")
     _check_power_of_two(len(rows))
@@ -101,7 +101,7 @@ Number = Annotated[float, Field(ge=-MOST_GAMMA, le=MOST_GAMMA)]
 ScaleGammas = Annotated[tuple[Number, ...], Field(min_length=1)]
 CoefficientGammas = Annotated[
     tuple[Annotated[tuple[Number, ...], Field(min_length=1, max_length=2)], ...],
-    AfterValidator(_check_coefficients),
+    AfterValidator(_check_coefficient_gammas),
 ]
 Gammas = Annotated[
     Annotated[ScaleGammas, Tag("scales")] | Annotated[CoefficientGammas, Tag("coefficients")],

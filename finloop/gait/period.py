@@ -52,11 +52,11 @@ class Period:
 def find_period(signal: Floats, frame_rate_hz: float, extreme: Floats | None = None) -> Period:
     """Return the frequency and phase of a repeating motion, from coordinates (frames, k).
 
-    signal: NaN where missing. extreme (frames,): phase 0 is where its main wave is greatest; by
-    default the strongest mode, signed so that its largest coordinate is positive. The search goes
-    from one cycle in the film to _FASTEST. FinloopError if the signal is not (frames, k), has no
-    complete row, or the rate is not positive. A motion that does not repeat is no error: see
-    `Period.why` and `require_periodic`.
+    signal: NaN where missing. extreme (frames,): a signal that is greatest at phase 0, such as the
+    tail's deflection; by default the strongest mode, signed so that its largest coordinate is
+    positive. The search goes from one cycle in the film to _FASTEST. FinloopError if the signal is
+    not (frames, k), has no complete row, or the rate is not positive. A motion that does not repeat
+    is no error: see `Period.why` and `require_periodic`.
     """
     signal = np.asarray(signal, np.float64)
     _refuse_unusable_signal(signal, frame_rate_hz)

@@ -713,9 +713,9 @@ def _read_dashes(
 ) -> tuple[tuple[float, ...], float, bool]:
     """Return a stroke's dash and gap lengths [px], their offset [px], and whether caps are round.
 
-    own_width: of its stroke, in its own units; scale: px in such a unit; diagonal: what 100 % is.
-    unit: own units in one of the dashes (`_length_unit`). Square ends make dashes longer by the
-    width, and gaps shorter.
+    own_width: stroke width in the shape's own units; scale: px per own unit; diagonal: length that
+    100 % stands for; unit: own units per unit of the dashes (`_length_unit`). A solid line gives
+    (), 0 and False. Square ends make dashes longer by the width, and gaps shorter.
     """
     texts = re.split(r"[\s,]+", values.get("stroke-dasharray", "").strip())
     if texts in ([""], ["none"]):

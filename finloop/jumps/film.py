@@ -86,16 +86,19 @@ class JumpSearch:
         signatures in natural steps (median distance of successive pictures). The nearest neighbour
         of a row comes first.
         """
-        return self._nearest(rows, self.allowed, self.index)
+        return self._find_nearest(rows, self.allowed, self.index)
 
     def search_part(self, rows: Ints, part: int) -> pd.DataFrame:
         """Return the neighbours of rows (k,) in a part of the film: row, to, mirrored, far."""
         allowed = self.allowed[self.part[self.allowed % len(self.track)] == part]
         index = Nearest.from_vectors(self.targets[allowed], len(allowed))
-        return self._nearest(rows, allowed, index)
+        return self._find_nearest(rows, allowed, index)
 
-    def _nearest(self, rows: Ints, allowed: Ints, index: Nearest) -> pd.DataFrame:
-        """Return the nearest neighbours of rows (k,) among the allowed targets, held by `index`."""
+    def _find_nearest(self, rows: Ints, allowed: Ints, index: Nearest) -> pd.DataFrame:
+        """Return a table row, to, mirrored, far: the nearest targets of rows (k,), one a passage.
+
+        allowed: the targets to choose from; index: holds their signatures, in the same order.
+        """
         choose = partial(self._choose_nearest_by_passage, rows, allowed)
         to, far = index.choose(self.targets[rows], _SPARE * self.count, choose)
         query, rank = np.nonzero(np.isfinite(far))

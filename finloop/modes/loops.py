@@ -284,7 +284,7 @@ def add_verdict_counts(roll_outs: RollOuts, decision: Decision) -> Decision:
 
 
 def mark_loop_ends(film: MotionGraph) -> Mask:
-    """Return which rows (n,) are loop ends: those with a next row that can jump instead."""
+    """Return which rows (n,) are loop ends: a jump can replace the row after them."""
     rows = np.arange(len(film.rows) - 1)
     slot = film.jump_slot[rows + 1]
     jumps = (slot >= 0) & (film.start[slot + 1] > film.start[slot])

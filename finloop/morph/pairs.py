@@ -101,7 +101,7 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 def load_pairing(path: Path) -> Pairing:
-    """Return the pairs that a YAML file gives; FinloopError if it has not the form FORM."""
+    """Return which shapes become which, as a YAML file says; FinloopError if it is unlike FORM."""
     try:
         text = path.read_text(encoding="utf-8")
         values: Any = yaml.load(text, _StrictLoader) or {}

@@ -44,7 +44,7 @@ class Fallback:
         world = self._world
         rows, trajectory = _turn_in_place(
             world.film, fish.row, fish.rotation_deg, np.array([fish.x, fish.y, fish.heading]),
-            target, most_ticks=world.cost_weights.stride, most_deg=world.turn_on_spot_deg,
+            target, most_ticks=world.cost_weights.stride, most_deg=world.most_spot_turn_deg,
         )  # fmt: skip
         return Stretch(
             FORECAST if fish.state == FORECAST else FILM, trajectory, rows,

@@ -206,7 +206,7 @@ def _path_deviation(search, branch, step, direction):  # type: ignore[no-untyped
 def place_by_rule(
     rule: Rule, fish: Fish, world: FilmWorld, rng: np.random.Generator
 ) -> tuple[Floats, int] | None:
-    """Return where a rule sends a fish, x, y px (2,), and for how many ticks it swims there.
+    """Return where a rule sends a fish, x, y px (2,), and how many ticks it keeps that target.
 
     With a leader it is a body length behind the leader, for this decision alone (0 ticks); else the
     zones give the place. None where they request nothing.

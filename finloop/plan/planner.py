@@ -327,7 +327,7 @@ class Planner:
         cost_at_once = self._full_cost(plan)
         to_aim_deg = bearing(fish.x, fish.y, aim.x, aim.y)
         turn_deg = float(wrap(to_aim_deg - fish.heading))
-        turn_ticks = abs(turn_deg) / world.turn_on_spot_deg
+        turn_ticks = abs(turn_deg) / world.most_spot_turn_deg
         turn_cost = turn_ticks * (1 + world.rarest_step_cost)
         far_px = float(np.hypot(aim.x - fish.x, aim.y - fish.y)) - aim.touch_px
         least_cost = turn_cost + max(far_px, 0.0) / self._weights.fast_px

@@ -64,7 +64,7 @@ class FilmWorld(World):
         motion, p, delta = self.motion, self.settings, self.motion.delta
         # Where the film hardly turns, a fish turns on the spot, at the cost of its rarest steps.
         filmed_deg = float(np.median(motion.turns.angle_deg / motion.turns.ticks))
-        on_spot_deg = self.turn_on_spot_deg / (1 + self.rarest_step_cost)
+        on_spot_deg = self.most_spot_turn_deg / (1 + self.rarest_step_cost)
         return CostWeights(
             fast_px=self.fast_bl_s * motion.body_length_px / motion.rate_hz,
             turn_deg=max(filmed_deg, on_spot_deg),
@@ -74,10 +74,10 @@ class FilmWorld(World):
         )  # fmt: skip
 
     @cached_property
-    def turn_on_spot_deg(self) -> float:
-        """Return how far [°] a fish on the spot may turn in a tick, if its pictures turn less.
+    def most_spot_turn_deg(self) -> float:
+        """Return the most [°] a fish on the spot turns in a tick, unless its pictures turn more.
 
-        Its head, half a body length from its centre, then moves as far as a fast fish swims.
+        At this limit its head, half a body length from its centre, moves as fast as a fast fish.
         """
         return float(np.degrees(2 * self.fast_bl_s / self.motion.rate_hz))
 

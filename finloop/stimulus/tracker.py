@@ -212,7 +212,8 @@ def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) ->
 def _are_points_sufficient(points: Floats) -> bool:
     """Return whether points (n, 2) suffice to fit a calibration.
 
-    Two must differ, three must not lie on one line; of more, some four need no three on one line.
+    Two must differ. Three must not lie on one line. Of four or more, some four must have no three
+    on one line.
     """
     least_area = _FLAT * float(np.ptp(points, axis=0).max()) ** 2
 

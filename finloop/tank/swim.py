@@ -158,10 +158,10 @@ def _arc_length_to_points(line: Reals) -> Reals:
 def _find_shown_bodies(
     edit: pd.DataFrame, prefix: str, source_column: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return which filmed body each tick's picture shows, and how it is placed.
+    """Return which filmed body the main or partner picture of each tick shows, and its placement.
 
-    A tick without such a picture gets any body. prefix, source_column: "" and "source" for the main
-    picture, "partner_" and "partner" for the one to cross-fade with.
+    Where a tick has no partner, row 0 of the film stands in. prefix, source_column: "" and "source"
+    for the main picture, "partner_" and "partner" for the one to cross-fade with.
     """
     source = edit[source_column].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()

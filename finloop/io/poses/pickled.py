@@ -55,7 +55,7 @@ class _PickledArray:
 
 
 def _encode_latin1(text: str, _: str = "latin1") -> bytes:
-    """Return the bytes that a pickle of protocol 2 writes as text."""
+    """Return text as the bytes that it stands for, in pickles of protocol 2 (`_codecs.encode`)."""
     return text.encode("latin1")
 
 
