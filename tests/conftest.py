@@ -111,7 +111,7 @@ class Copy:
         """A DVC command, in a process that does not look for garbage, as a sweep's."""
         from stages.repository import DVC
 
-        return self.run("python", "-c", DVC, *arguments, fails=fails)
+        return self.run(*DVC, *arguments, fails=fails)
 
     def git(self, *arguments: str) -> str:
         return self.run("git", *arguments)
