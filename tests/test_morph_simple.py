@@ -273,6 +273,16 @@ def test_a_bar_that_turns_keeps_its_length_on_the_way():
     assert misfit(linear[10]) > 4
 
 
+def test_a_fold_in_one_place_leaves_the_rest_rigid():
+    """An S straightens: moves to rigid frames fold where it opens, and only there are they less."""
+    bar = Curve(np.array([[0, 0], [6, 0], [6, 0.5], [0, 0.5]], float), True)
+    frames = morph_without_folds(GLYPHS["S"], bar, 13, 128)
+    assert stays_simple(frames)
+    edges = np.hypot(*np.moveaxis(np.roll(frames, -1, axis=1) - frames, 2, 0))
+    slender = edges.sum(axis=1) / np.sqrt([abs(area(points)) for points in frames])
+    assert slender[6] > (slender[0] + slender[-1]) / 2
+
+
 def test_relaxing_keeps_what_is_rigid_and_refuses_what_has_no_triangles():
     points = resample_curve(GLYPHS["k"], 128).points
     layout = ContourLayout((128,))

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.base.arrays import Floats, Ints, Reals
+from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 
@@ -358,30 +358,44 @@ def stays_simple_unchecked(stack: Floats, following: Ints) -> bool:
     """Return whether contours that move straight from pose to pose (k, n, 2) never meet.
 
     The first pose must have no fold; neither this nor the shape is checked. False may mean that two
-    parts come too near each other to decide. A vertex and an edge can only meet where the boxes of
-    their paths between two poses overlap; boxes of BLOCK of them rule out most pairs.
+    parts come too near each other to decide.
     """
-    poses, n = len(stack), stack.shape[1]
-    vertex_boxes = np.empty((n, 4))  # low x, y, high x, y of each vertex's path between two poses
-    for k in range(poses - 1):
-        before, after = stack[k], stack[k + 1]
-        for i in range(n):
-            for axis in range(2):
-                vertex_boxes[i, axis] = min(before[i, axis], after[i, axis])
-                vertex_boxes[i, 2 + axis] = max(before[i, axis], after[i, axis])
-        edge_boxes = _edge_boxes(vertex_boxes, following)
-        vertex_blocks, edge_blocks = _merge_boxes(vertex_boxes), _merge_boxes(edge_boxes)
-        for block in range(len(vertex_blocks)):
-            for partner in range(len(edge_blocks)):
-                if not _boxes_overlap(vertex_blocks, block, edge_blocks, partner):
-                    continue
-                for v in range(block * BLOCK, min((block + 1) * BLOCK, n)):
-                    if not _boxes_overlap(vertex_boxes, v, edge_blocks, partner):
-                        continue
-                    for i in range(partner * BLOCK, min((partner + 1) * BLOCK, n)):
-                        if v == i or not _boxes_overlap(vertex_boxes, v, edge_boxes, i):
-                            continue
-                        j = following[i]
-                        if v != j and not _stays_apart(before, after, v, i, j):
-                            return False
+    for k in range(len(stack) - 1):
+        if find_contacts(stack[k], stack[k + 1], following, first_only=True).any():
+            return False
     return True
+
+
+@kernel
+def find_contacts(before: Floats, after: Floats, following: Ints, first_only: bool) -> Mask:
+    """Return which vertices (n,) meet in a motion between two poses (n, 2), or ends of such edges.
+
+    They may only come too near each other to decide. first_only: stop at the first contact. A
+    vertex and an edge can only meet where the boxes of their paths overlap; boxes of BLOCK of them
+    rule out most pairs.
+    """
+    n = len(before)
+    is_met = np.zeros(n, np.bool_)
+    vertex_boxes = np.empty((n, 4))  # low x, y, high x, y of each vertex's path
+    for i in range(n):
+        for axis in range(2):
+            vertex_boxes[i, axis] = min(before[i, axis], after[i, axis])
+            vertex_boxes[i, 2 + axis] = max(before[i, axis], after[i, axis])
+    edge_boxes = _edge_boxes(vertex_boxes, following)
+    vertex_blocks, edge_blocks = _merge_boxes(vertex_boxes), _merge_boxes(edge_boxes)
+    for block in range(len(vertex_blocks)):
+        for partner in range(len(edge_blocks)):
+            if not _boxes_overlap(vertex_blocks, block, edge_blocks, partner):
+                continue
+            for v in range(block * BLOCK, min((block + 1) * BLOCK, n)):
+                if not _boxes_overlap(vertex_boxes, v, edge_blocks, partner):
+                    continue
+                for i in range(partner * BLOCK, min((partner + 1) * BLOCK, n)):
+                    if v == i or not _boxes_overlap(vertex_boxes, v, edge_boxes, i):
+                        continue
+                    j = following[i]
+                    if v != j and not _stays_apart(before, after, v, i, j):
+                        is_met[v] = is_met[i] = is_met[j] = True
+                        if first_only:
+                            return is_met
+    return is_met

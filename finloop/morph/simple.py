@@ -6,10 +6,10 @@ It is also one between two regions, each a curve and the holes in it, none of wh
 If the linear morph from a to b is simple, it is the result. Otherwise both curves are simplified
 step by step into poses a_i and b_j, and the result is the shortest path a → a_i → b_j → b without
 folds. Between curves it exists, because the last poses can be joined: two polygons by turning and
-stretching about their centres, two lines by turning. Then the motion is smoothed in time, and its
-frames are distorted less (`relax`), both as far as it stays simple. Closed frames are scaled
-so that their areas lie between those of the ends, which makes no folds. Finally every frame is
-tested exactly.
+stretching about their centres, two lines by turning. Then the motion is smoothed in time as far as
+it stays simple, and its frames are distorted less (`relax`), each vertex as far. Closed frames are
+scaled so that their areas lie between those of the ends, which makes no folds. Finally every frame
+is tested exactly.
 
 A curve is simplified by one of three methods. Vertex i stays vertex i, between poses the vertices
 move straight, and a step counts only if it is proved free of contact (`morph.folds.stays_simple`).
@@ -40,6 +40,7 @@ from finloop.morph.folds import (
     contours_stay_simple,
     count_contour_folds,
     count_folds_unchecked,
+    find_contacts,
     stays_simple_unchecked,
 )
 from finloop.morph.match import FULL, Resolution, match_curves, misfit_by_start
@@ -56,8 +57,11 @@ SLOWEST = 0.999  # largest such factor, where the curve meets itself
 JOIN = 64  # poses from one round or straight shape to another
 PARTS = 16  # steps of a straight motion: small boxes, few pairs to compare
 SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # widths in time, as shares of it, widest first
-RELAX = (1.0, 0.7, 0.45, 0.25, 0.1)
-"""Shares of the moves to frames as rigid as possible: the largest that makes no fold is taken."""
+RELAX = 0.7  # factor of the moves to rigid frames, near a fold, again and again until none is left
+RELAX_EDGES, RELAX_FRAMES = 5.0, 1.0  # standard deviations of what counts as near
+RELAX_ROUNDS = 100  # of that, before frames stay as they are
+RELAX_SHARE, RELAX_TIMES = 0.9, 2
+"""Frames are moved again, so many times in all, where they take less than this share of a move."""
 REACH = 10  # edges: width of the mean along a curve
 NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between two frames
 
@@ -297,15 +301,48 @@ def _frames_along_path(poses: Points, frames: int, layout: ContourLayout) -> Poi
 def _relax_frames(stack: Points, layout: ContourLayout) -> Points:
     """Return frames (f, n, 2) of closed contours with less distortion, still without folds.
 
-    They have the largest of the shares RELAX of the moves to shapes as rigid as possible.
+    Each vertex takes as large a share of its move to a shape as rigid as possible as makes no fold.
+    Where vertices meet, the shares fall, there and smoothly around: along the contours and in time.
     """
-    moves = find_relaxing_moves(stack, layout)
-    if moves is not None:
-        for share in RELAX:
-            relaxed = stack + share * moves
-            if contours_stay_simple(relaxed, layout):
-                return relaxed
+    for _ in range(RELAX_TIMES):
+        moves = find_relaxing_moves(stack, layout)
+        if moves is None:
+            break
+        share = _find_free_shares(stack, moves, layout)
+        stack = stack + share[:, :, None] * moves
+        if share.mean() >= RELAX_SHARE:
+            break
     return stack
+
+
+def _find_free_shares(stack: Points, moves: Points, layout: ContourLayout) -> Floats:
+    """Return the shares (f, n) of moves (f, n, 2) of frames (f, n, 2) that make no fold."""
+    following, share = layout.following, np.ones(stack.shape[:2])
+    steps: Ints = np.arange(len(stack) - 1)  # from frame to frame, that are to be tested
+    in_time = _spread(np.eye(len(stack)), RELAX_FRAMES, "nearest")
+    for _ in range(RELAX_ROUNDS):
+        moved = stack + share[:, :, None] * moves
+        near = np.zeros_like(share)
+        for k in steps:
+            is_met = find_contacts(moved[k], moved[k + 1], following, first_only=False)
+            if is_met.any():
+                near[k : k + 2, is_met] = 1.0
+        folded = np.flatnonzero(near.any(axis=1))
+        if not len(folded):
+            return share
+        for part in layout.parts:
+            near[folded, part] = _spread(near[folded, part], RELAX_EDGES, "wrap")
+        near = np.minimum(1.0, in_time[:, folded] @ near[folded])
+        share *= 1 - (1 - RELAX) * near
+        changed = np.asarray(near.any(axis=1))
+        steps = np.flatnonzero(changed[:-1] | changed[1:])
+    return np.zeros_like(share)
+
+
+def _spread(values: Floats, width: float, mode: str) -> Floats:
+    """Return values (…, n) from 0 to 1 that fall off around those given, by a Gaussian, to 0."""
+    spread = scipy.ndimage.gaussian_filter1d(values, width, mode=mode)
+    return np.minimum(1.0, np.sqrt(2 * np.pi) * width * spread)
 
 
 def _smooth_in_time(stack: Points, width: float) -> Points:
