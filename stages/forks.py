@@ -57,28 +57,32 @@ def open_stage_server(folder: Path) -> Iterator[None]:
 def _serve() -> tuple[str, socket.socket]:
     """Fork a child for each command; return in children alone: their module and their connection.
 
-    A child has the standard streams, the arguments and the environment of its command.
+    A child has the standard streams, the arguments and the environment of its command, and what
+    imports have changed in the environment.
     """
+    environment_before = dict(os.environ)
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(STAGE_SOCKET))
         listener.listen()
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # no child stays as a zombie
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # its children handle Ctrl-C, and need it
         print(READY, end="", flush=True)
         while True:
             connection, _ = listener.accept()
+            streams: list[int] = []
             try:
                 connection.settimeout(COMMAND_S)
                 streams = socket.recv_fds(connection, 1, 3)[1]
                 with connection.makefile() as text:
                     module, arguments, environment = json.loads(text.readline())
             except (OSError, ValueError):  # the command ended before it said what it is
-                connection.close()
+                for stream in (*streams, connection.detach()):
+                    os.close(stream)
                 continue
             with suppress(Exception):  # the child raises it again
                 later = getattr(importlib.import_module(module), "LATER_IMPORTS", ())
                 for name in later:
                     importlib.import_module(name)
-                del sys.modules[module]  # its child runs it as `__main__`
             gc.freeze()  # a child's collector examines none of what is imported
             is_child = os.fork() == 0
             for number, stream in enumerate(streams):
@@ -86,9 +90,11 @@ def _serve() -> tuple[str, socket.socket]:
                     os.dup2(stream, number)
                 os.close(stream)
             if is_child:
+                sys.modules.pop(module, None)  # it runs as `__main__`
                 sys.argv[1:] = arguments
+                changed = set(os.environ.items()) - set(environment_before.items())
                 os.environ.clear()
-                os.environ.update(environment)
+                os.environ.update(environment | dict(changed))
                 return module, connection
             connection.close()
 
@@ -108,6 +114,7 @@ def main() -> None:
     gc.disable()
     module, connection = _serve()
     die_with_parent()
+    gc.enable()
     connection.settimeout(None)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # else it learns no status of its own children
     signal.signal(signal.SIGINT, signal.default_int_handler)

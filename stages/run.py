@@ -36,6 +36,7 @@ import sys
 import time
 import traceback
 import webbrowser
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
@@ -53,9 +54,8 @@ THREAD_VARIABLES = (
     "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
 )  # fmt: skip
 LINE_EVERY_S = 10.0  # progress where there is no terminal to draw a bar on
-
-
-STAGE_SOCKET = Path(".dvc/tmp/stages.socket")  # where a stage server takes commands
+# Where a stage server takes commands, of its own Python alone: another one may have other packages.
+STAGE_SOCKET = Path(f".dvc/tmp/stages-{zlib.crc32(os.fsencode(sys.prefix)):08x}.socket")
 
 
 def _hand_over() -> None:
@@ -74,7 +74,7 @@ def _hand_over() -> None:
         except OSError:  # a killed sweep has left the socket
             return
         die_with_parent()
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C: no traceback
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the module's process, too
         with contextlib.suppress(OSError):
             socket.send_fds(server, [b"\n"], [0, 1, 2])
             server.sendall(f"{command}\n".encode())

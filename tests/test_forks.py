@@ -1,8 +1,10 @@
 """A stage that a server has forked does what it does alone, and ends with its command."""
 
 import os
+import signal
 import subprocess
 import sys
+import venv
 from pathlib import Path
 
 import psutil
@@ -15,6 +17,7 @@ from stages.run import STAGE_SOCKET
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the server is Linux's")
 MODULE = """
 from stages.run import run
+import words.colour
 import os, signal, sys, time
 from finloop.base.errors import FinloopError
 
@@ -31,6 +34,7 @@ if __name__ == "__main__":
 def write_module(folder: Path) -> None:
     (folder / "words").mkdir()
     (folder / "words/__init__.py").touch()
+    (folder / "words/colour.py").write_text("import os\nos.environ['OF_IMPORT'] = 'coral'\n")
     (folder / "words/speaker.py").write_text(MODULE)
 
 
@@ -63,6 +67,7 @@ def start(folder: Path, code: str) -> tuple[subprocess.Popen[str], int, str]:
     "code",
     [
         "pass", "sys.exit(3)", "sys.exit('why')", "raise FinloopError('came', 'wanted', 'do')",
+        "sys.exit(os.environ['OF_IMPORT'])", "import gc; sys.exit(str(gc.isenabled()))",
         "import subprocess; sys.exit(subprocess.run([sys.executable, '-c', 'exit(4)']).returncode)",
     ],
 )  # fmt: skip
@@ -75,6 +80,22 @@ def test_a_forked_stage_does_what_it_does_alone(folder, tmp_path, code):
         ends.append((line, text, errors, command.returncode))
         assert (pid == command.pid) == (place == tmp_path)  # the server's child, or itself
     assert ends[0] == ends[1] and "sunfish" in ends[0][0]
+
+
+def test_ctrl_c_ends_a_forked_stage_as_it_ends_one_alone(folder):
+    command, pid, _ = start(folder, "time.sleep(60)")
+    for process in (command.pid, psutil.Process(pid).ppid(), pid):  # as a terminal signals them all
+        os.kill(process, signal.SIGINT)
+    assert "interrupted" in command.communicate()[1]
+    assert command.returncode == 130
+
+
+def test_another_python_starts_a_stage_alone(folder, tmp_path):
+    venv.create(tmp_path, symlinks=True)
+    python = [str(tmp_path / "bin/python"), "-m", "words.speaker", "pass"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(python, cwd=folder, env=environment, capture_output=True, text=True)
+    assert "lacks cv2" in ended.stderr
 
 
 def test_a_forked_stage_ends_with_its_command(folder):
