@@ -654,6 +654,12 @@ def test_hexadecimal_numbers_are_numbers(tmp_path, names):
     np.testing.assert_allclose(times, np.array(there) / 10)
 
 
+def test_a_single_picture_is_no_film_whatever_its_name(tmp_path):
+    folder = write_pictures(tmp_path / "film", [picture(0)], names=["face.png"])
+    with pytest.raises(FinloopError, match="a single frame"):
+        open_footage(folder, frame_rate_hz=10)
+
+
 def test_a_film_in_parts_goes_on_where_the_part_before_ends(tmp_path):
     names = [f"s{k // 6}_{k % 6}.png" for k in range(18)]
     folder = write_pictures(tmp_path / "film", map(picture, range(18)), names=names)
@@ -1344,6 +1350,12 @@ def test_a_film_that_was_cut_off_lacks_frames_and_the_report_says_so(
     assert 1 <= metrics["frames_missing"] <= 30 - metrics["frames"]
     findings = pd.read_csv(stage.CLIP / "findings.csv").set_index("what")
     assert "missing or damaged" in findings.loc["missing", "measured"]
+
+
+@pytest.mark.parametrize("rate", [25, 1000, 2000, 4000])
+def test_a_whole_film_lacks_no_frames_at_any_rate(tmp_path, rate):  # Matroska counts in ms
+    path = make_film(tmp_path / "film.mkv", map(picture, range(30)), rate=rate)
+    assert open_footage(path).frames_in_source == 30
 
 
 @pytest.mark.parametrize("level", [0, 255])

@@ -168,11 +168,12 @@ def _count_cut_off_frames(
     if container.format.name == "mpegts":
         return int(all(container.size % packet_bytes for packet_bytes in _TRANSPORT_PACKETS))
     stated = re.fullmatch(r"(\d+):(\d\d):(\d\d\.\d+)", stream.metadata.get("DURATION", ""))
-    if stated is None or len(stamps) < 2:
+    if stated is None or stamps[0] == stamps[-1]:
         return 0
     hours, minutes, seconds = map(float, stated.groups())
-    lacking_s = 3600 * hours + 60 * minutes + seconds - end * float(stream.time_base or 1)
-    return max(0, round(lacking_s / float(np.median(np.diff(stamps)) * (stream.time_base or 1))))
+    stated_end = (3600 * hours + 60 * minutes + seconds) / float(stream.time_base or 1)
+    step = (stamps[-1] - stamps[0]) / (len(stamps) - 1)  # not the median: it may be rounded to 0
+    return max(0, round((stated_end - end - 1) / step))  # 1: stamps are rounded, too
 
 
 def _list_picture_notes(

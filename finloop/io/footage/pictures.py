@@ -208,7 +208,7 @@ def _read_hexadecimal_names(files: list[Path]) -> tuple[str, list[Path], Ints] |
     letters_by_place = zip(*(file.stem for file in files), strict=False)
     start = next((k for k, letters in enumerate(letters_by_place) if len(set(letters)) > 1), 0)
     digits = [file.stem[start:] for file in files]
-    if len(set(map(len, digits))) > 1 or all(map(str.isdecimal, digits)):
+    if len(files) < 2 or len(set(map(len, digits))) > 1 or all(map(str.isdecimal, digits)):
         return None
     if not all(re.fullmatch("[0-9a-f]{1,15}", text, re.IGNORECASE) for text in digits):
         return None
