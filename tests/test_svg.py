@@ -161,7 +161,7 @@ def test_closed_or_open(tmp_path):
 
 
 def test_a_path_goes_on_after_it_was_closed(tmp_path):
-    drawing = load(tmp_path, '<path id="p" d="M10 10h20v20zm5 5h5v5zl3 4"/>')
+    drawing = load(tmp_path, '<path id="p" fill="none" d="M10 10h20v20zm5 5h5v5zl3 4"/>')
     assert list(drawing.curves) == ["p", "p#2", "p#3"]
     corners = [curve.points.tolist() for curve in drawing.curves.values()]
     assert corners[0] == [[10, 10], [30, 10], [30, 30]]
@@ -331,6 +331,7 @@ def test_colours_as_style_sheets_state_them(tmp_path, body, fill, opacity):
         ('style="transform:translate(10%)"', "transform: translate(10%) ('a')"),
         ('style="rotate:x 30deg"', "rotate: rotate(x 30deg) ('a')"),
         ('style="d:ray(20deg)"', "d: ray(20deg) ('a')"),
+        ('fill-rule="even-odd"', "fill-rule: even-odd ('a')"),
         ('vector-effect="fixed-position"', "a vector effect ('a')"),
         ('style="offset-path:none;transform-box:fill-box;rotate:9deg"', "a transform in a box of its own ('a')"),
         ('style="mix-blend-mode:multiply"', "a blend mode ('a')"),
@@ -360,6 +361,12 @@ def test_style_sheets_state_geometry(tmp_path):
     assert (*low, *high) == pytest.approx((1, 36, 5, 40))
 
 
+def test_an_attribute_that_only_styles_know_changes_nothing(tmp_path):
+    plain = load(tmp_path, f'<path id="a" {P}/>').curves["a"].points
+    body = f'<g translate="no"><path id="a" rotate="45" scale="2" offset-path="x" {P}/></g>'
+    assert load(tmp_path, body).curves["a"].points.tolist() == plain.tolist()
+
+
 def test_a_switch_shows_its_first_child_that_fits(tmp_path):
     shapes = [f'<g {how}><path id="{name}" {P}/></g>' for name, how in (
         ("german", 'systemLanguage="de, fr"'), ("other", 'requiredExtensions="http://a.example"'),
@@ -379,6 +386,12 @@ def test_an_inner_contour_is_a_hole_if_the_fill_rule_says_so(tmp_path):
     with pytest.raises(FinloopError) as error:
         load(tmp_path, f'<path id="a" stroke="red" d="{cases["a"]}"/>')
     assert "fill-rule: nonzero" in error.value.came
+    # Contours that lie on each other, or share a part of an edge
+    for d, count in (
+        (outer + outer, 1), (outer + "M0 0V90H90V0z", 2), (outer + "M30 20H90V60H30z", 1),
+        (outer + "M30 20V60H90V20z", 2), ("M0 0H90V20H20V70H90V90H0zM20 20H90V70H20z", 2),
+    ):  # fmt: skip
+        assert len(load(tmp_path, f'<path d="{d}"/>').curves) == count
     crossing = f'<path d="{outer}M50 50H120V120H50z"/>'
     assert len(load(tmp_path, crossing).curves) == 2
 
@@ -387,6 +400,9 @@ def test_path_length_is_the_unit_of_dashes(tmp_path):
     d = 'd="M10 10h80" fill="none" stroke="red" stroke-dasharray="2 1" stroke-dashoffset="1"'
     (paint,) = load(tmp_path, f'<path pathLength="10" transform="scale(.5)" {d}/>').styles.values()
     assert (*paint.dashes, paint.dash_offset) == pytest.approx((8, 4, 4))
+    kept = f'<path pathLength="10" vector-effect="non-scaling-stroke" transform="scale(.5)" {d}/>'
+    (paint,) = load(tmp_path, kept).styles.values()
+    assert (*paint.dashes, paint.width) == pytest.approx((8, 4, 1))
 
 
 def test_the_root_counts_like_any_group(tmp_path):
@@ -426,7 +442,9 @@ def test_a_nested_viewport_that_cuts_a_shape_is_refused_by_name(tmp_path, tag):
     body = nested + use
     with pytest.raises(FinloopError) as error:
         load(tmp_path, body.replace("STYLE", ""))
-    assert "overflow: hidden, of an svg or symbol that cuts it ('a')" in error.value.came
+    assert (
+        "overflow: hidden, of an svg or symbol that cuts it (set it to visible" in error.value.came
+    )
     assert len(load(tmp_path, body.replace("STYLE", 'overflow="visible"')).curves) == 1
     assert len(load(tmp_path, body.replace("STYLE", "").replace("V12z", "V9z")).curves) == 1
 

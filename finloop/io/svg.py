@@ -10,7 +10,7 @@ clip path, is refused by name, and so is a value that cannot be read.
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -532,12 +532,15 @@ def _read_contours(
     shape = read_shape(item.element, item.group.values, item.group.size)
     if shape is None:
         return
-    # Before the shape changes its coordinates:
-    paint = _read_paint(document, item.group, item.element, shape)
-    shape *= item.group.matrix
-    shape.reify()
-    curves = list(shape_polylines(shape, tolerance_px))
-    is_nonzero = item.group.values.get("fill-rule") != "evenodd"
+    moved = shape * item.group.matrix
+    moved.reify()
+    curves = list(shape_polylines(moved, tolerance_px))
+    unit_px = _dash_unit(item.element, item.group.values, curves)
+    paint = _read_paint(document, item.group, shape, unit_px)
+    rule = item.group.values.get("fill-rule", "nonzero").lower()
+    if rule not in ("nonzero", "evenodd"):
+        raise UnreadableValueError(f"fill-rule: {rule[:100]}")
+    is_nonzero = rule == "nonzero"
     if is_nonzero and len(curves) > 1 and paint is not None and paint.fill is not None:
         is_edge = find_area_edges(curves)
         if paint.stroke is not None and not all(is_edge):
@@ -550,7 +553,10 @@ def _read_contours(
         for m in item.group.cuts if np.isfinite(curve.points).all() else ():
             unit = curve.points @ [[m.a, m.b], [m.c, m.d]] + [m.e, m.f]
             if unit.min() < -CUT or unit.max() > 1 + CUT:
-                raise UnreadableValueError("overflow: hidden, of an svg or symbol that cuts it")
+                raise UnreadableValueError(
+                    "overflow: hidden, of an svg or symbol that cuts it (set it to visible, or cut"
+                    " the shape)"
+                )
         yield curve, paint
 
 
@@ -558,11 +564,12 @@ def _read_contours(
 
 
 def _read_paint(
-    document: _Document, group: _Context, element: ElementTree.Element, shape: Any
+    document: _Document, group: _Context, shape: Any, dash_unit_px: float | None
 ) -> Paint | None:
     """Return how a shape is painted, in px of the viewport; None if nothing paints it.
 
-    group: its values, matrix and opacity; shape: in its own coordinates, as the element states it.
+    group: its values, matrix and opacity; shape: in its own coordinates; dash_unit_px: from
+    `_dash_unit`.
     """
     values = group.values
     matrix = group.matrix
@@ -583,7 +590,7 @@ def _read_paint(
     offset, is_round = 0.0, False
     if stroke is not None:
         dashes, offset, is_round = _read_dashes(
-            values, own_width, scale, diagonal, _length_unit(element, values, shape)
+            values, own_width, scale, diagonal, scale if dash_unit_px is None else dash_unit_px
         )
     gradients = [one.matrix for one in (fill, stroke) if isinstance(one, Gradient)]
     largest = np.abs([scale * own_width, *dashes, offset, *np.ravel(gradients)]).max()
@@ -698,33 +705,35 @@ def _read_stops(document: _Document, gradient: ElementTree.Element) -> tuple[Sto
     return tuple(stops)
 
 
-def _length_unit(element: ElementTree.Element, values: Mapping[str, str], shape: Any) -> float:
-    """Return how long a unit of a shape's dashes is: its length is `pathLength` of them, or 1."""
+def _dash_unit(
+    element: ElementTree.Element, values: Mapping[str, str], curves: Sequence[Curve]
+) -> float | None:
+    """Return the unit of a shape's dashes [px] if `pathLength` says how many of it it is long."""
     if (text := element.get("pathLength")) is None or "stroke-dasharray" not in values:
-        return 1.0
+        return None
     stated = read_length("pathLength", text, 1.0)
     if stated <= 0:
-        return 1.0  # as SVG says
-    return float(svg.Path(shape).length(error=1e-4)) / stated
+        return None  # as SVG says
+    rings = [np.concatenate([curve.points, curve.points[: curve.closed]]) for curve in curves]
+    return float(sum(np.hypot(*np.diff(ring, axis=0).T).sum() for ring in rings)) / stated
 
 
 def _read_dashes(
-    values: Mapping[str, str], own_width: float, scale: float, diagonal: float, unit: float
+    values: Mapping[str, str], own_width: float, scale: float, diagonal: float, unit_px: float
 ) -> tuple[tuple[float, ...], float, bool]:
     """Return a stroke's dash and gap lengths [px], their offset [px], and whether caps are round.
 
     own_width: stroke width in the shape's own units; scale: px per own unit; diagonal: length that
-    100 % stands for; unit: own units per unit of the dashes (`_length_unit`). A solid line gives
-    (), 0 and False. Square ends make dashes longer by the width, and gaps shorter.
+    100 % stands for; unit_px: of the dashes. A solid line gives (), 0 and False. Square ends make
+    dashes longer by the width, and gaps shorter.
     """
     texts = re.split(r"[\s,]+", values.get("stroke-dasharray", "").strip())
     if texts in ([""], ["none"]):
         return (), 0.0, False
     _refuse_too_many_parts("a dashed line", len(texts), "lengths")
-    unit *= scale
-    lengths = [unit * read_length("stroke-dasharray", text, diagonal) for text in texts]
+    lengths = [unit_px * read_length("stroke-dasharray", text, diagonal) for text in texts]
     stated_offset = values.get("stroke-dashoffset", "0")
-    offset = unit * read_length("stroke-dashoffset", stated_offset, diagonal)
+    offset = unit_px * read_length("stroke-dashoffset", stated_offset, diagonal)
     lengths = lengths * 2 if len(lengths) % 2 else lengths
     ends = values.get("stroke-linecap", "butt")
     if ends == "square":

@@ -5,19 +5,20 @@ Curved pieces become polylines that stay within a tolerance of them.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise, permutations
+from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
 
+import cv2
 import numpy as np
-import skimage.measure
 import svgelements as svg
 
-from finloop.base.arrays import Points
+from finloop.base.arrays import Mask, Points
 from finloop.base.drawing import LARGEST, Curve
 from finloop.io.svg_style import UnreadableValueError, local_name, read_length
 
-_FEW = 64  # points of a contour that show whether it lies within another one
+_FEW = 64  # points and edges of a contour that show whether it lies within another one
+_TOUCH = 1e-5  # share of a contour's size: places nearer to it lie on it
 _MOST_PIECES = 500  # pieces of one curved segment
 
 
@@ -36,21 +37,37 @@ def find_area_edges(curves: Sequence[Curve]) -> list[bool]:
     """
     if not all((np.abs(curve.points) <= LARGEST).all() for curve in curves):
         return [True] * len(curves)  # refused later, by name
-    signs, around = [], [0] * len(curves)  # how often the area around a contour is within others
+    areas, around = [], [0] * len(curves)  # how often the area around a contour is within others
     for curve in curves:
         x, y = (curve.points - curve.points[0]).T
-        signs.append(int(np.sign(x @ np.roll(y, -1) - y @ np.roll(x, -1))))
-    boxes = [(curve.points.min(axis=0), curve.points.max(axis=0)) for curve in curves]
-    for at, number in permutations(range(len(curves)), 2):
-        (low, high), (other_low, other_high) = boxes[at], boxes[number]
-        if (low < other_low).any() or (high > other_high).any():
+        areas.append(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    signs = np.sign(areas).astype(int).tolist()
+    low = np.stack([curve.points.min(axis=0) for curve in curves])
+    high = np.stack([curve.points.max(axis=0) for curve in curves])
+    is_box_inside = (low[:, None] >= low).all(axis=2) & (high[:, None] <= high).all(axis=2)
+    for inner, outer in np.argwhere(is_box_inside).tolist():
+        # Of two that lie on each other, the first is the outer one.
+        if (-abs(areas[outer]), outer) >= (-abs(areas[inner]), inner):
             continue
-        few = curves[at].points[:: max(1, len(curves[at].points) // _FEW)]
-        is_inside = skimage.measure.points_in_poly(few, curves[number].points)
+        is_inside = _are_inside(curves[inner].points, curves[outer].points)
         if is_inside.any() and not is_inside.all():
             return [True] * len(curves)
-        around[at] += signs[number] * bool(is_inside.all())
+        around[inner] += signs[outer] * bool(is_inside.all())
     return [0 in (outside, outside + sign) for outside, sign in zip(around, signs, strict=True)]
+
+
+def _are_inside(points: Points, around: Points) -> Mask:
+    """Return whether places (k,) along a contour (n, 2) are inside another one (m, 2).
+
+    Places on the other contour say nothing, and are left out.
+    """
+    every = max(1, len(points) // _FEW)
+    middles = (points + np.roll(points, -1, axis=0)) / 2
+    places = np.concatenate([points[::every], middles[::every]])
+    low, size = around.min(axis=0), np.ptp(around, axis=0).max() or 1.0
+    ring = ((around - low) / size).astype(np.float32)
+    sides = [cv2.pointPolygonTest(ring, place, True) for place in ((places - low) / size).tolist()]
+    return np.array([side > 0 for side in sides if abs(side) > _TOUCH], bool)
 
 
 def read_shape(

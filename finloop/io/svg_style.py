@@ -47,6 +47,8 @@ OWN = {
     *("transform-origin", "transform-box", "translate", "rotate", "scale", "offset-path"),
     *("vector-effect", "overflow", "stop-color", "stop-opacity"),
 }
+STYLE_ONLY = {"translate", "rotate", "scale", "offset-path"}
+"""Properties that count only in styles: attributes of these names mean something else."""
 GEOMETRY = {"d", "x", "y", "width", "height", "cx", "cy", "r", "rx", "ry"}
 """Attributes that style sheets may state, too."""
 _LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(%|[a-z]*)", re.I)
@@ -77,7 +79,7 @@ def declared_styles(path: Path, root: ElementTree.Element) -> dict[ElementTree.E
         usual = {
             key: text
             for key, text in element.attrib.items()
-            if key in INHERITED | OWN and text.strip()
+            if key in (INHERITED | OWN) - STYLE_ONLY and text.strip()
         }
         important: Values = {}
         rules = [payload for *_, pseudo, payload in matcher.match(wrapper) if pseudo is None]
