@@ -296,10 +296,18 @@ def test_a_part_without_a_partner_of_its_kind_vanishes_or_appears():
     kinds = [(one.curves[name].closed, other.curves[name].closed) for name in one.curves]
     assert sorted(kinds) == [(False, True), (True, True)]
     filled = drawing({"a": RED}, a=[ring, Curve(np.array([[15, 15], [20, 25.0]]), False)])
-    with pytest.raises(FinloopError, match="'a': filled, with an open contour within a closed one"):
+    with pytest.raises(FinloopError, match="'a': a filled shape with an open contour"):
         match_drawings(filled, drawing(a=ring))
-    pair_drawings(drawing(a=polygon(SQUARE)), drawing(b=line, c=polygon(SQUARE + 20)),
-                  Pairing({}, splits={"a": ["b", "c"]}))  # fmt: skip
+    crossing = drawing(a=[ring, polygon(ROUND * 4 + 3), line])
+    with pytest.raises(FinloopError, match="shape 'a': a region whose contours meet"):
+        match_drawings(crossing, drawing(a=ring))
+    # drawings may share curves; parts have the ids of the several
+    for one, other in (
+        (drawing(a=[ring, line]), drawing(b=line, c=ring)),
+        (drawing(a=ring), drawing(b=line, c=ring)),
+    ):
+        one, other = pair_drawings(one, other, Pairing({}, splits={"a": ["b", "c"]}))
+        assert set(one.curves) == set(other.curves) == {"b", "c"}
 
 
 def test_pins_of_pieces_and_of_a_line_that_closes(tmp_path):

@@ -477,48 +477,49 @@ def _join_shapes(
     if not all(kinds[0] + kinds[1]):
         if is_pair and (kinds[0] == kinds[1] or len(kinds[0]) == len(kinds[1]) == 1):
             return [whole]
-        return _join_kinds(names, first[0], second[0], *sides)
-    if is_pair and len(contours[0]) == len(contours[1]) == 1:
+    elif is_pair and len(contours[0]) == len(contours[1]) == 1:
         return [whole]
     try:
+        if not all(kinds[0] + kinds[1]):
+            return _join_kinds(first[0], second[0], *sides)
         regions = [
             [(name, region) for name, curves in side for region in split_regions(curves)]
             for side in sides
         ]
         if is_pair and len(regions[0]) == len(regions[1]):
             return [whole]
-        return _join_regions(first[0], second[0], *regions)
+        return _join_regions(first[0], second[0], regions[0], regions[1], len(sides[1]) > 1)
     except FinloopError as error:
-        if is_pair and len(contours[0]) == len(contours[1]):
+        if is_pair and kinds[0] == kinds[1]:
             return [whole]  # contours that meet; a method may take them as they are
         raise FinloopError(f"shape {names!r}: {error.came}", error.wanted, error.do) from error
 
 
 def _join_regions(
     a: Drawing, b: Drawing,
-    first: Sequence[tuple[str, Region]], second: Sequence[tuple[str, Region]],
+    first: Sequence[tuple[str, Region]], second: Sequence[tuple[str, Region]], by_one: bool,
 ) -> list[_Row]:  # fmt: skip
-    """Return the rows of regions that become each other, with the ids of their shapes."""
-    sources = {id(region.outer): name for name, region in (*first, *second)}
-    several = len({name for name, _ in second}) > 1
+    """Return the rows of regions that become each other.
+
+    by_one: whether rows have the ids of the second drawing, else those of the first.
+    """
+    sources = [{id(region.outer): name for name, region in side} for side in (first, second)]
     rows = list[_Row]()
     for ones, others in group_regions([r for _, r in first], [r for _, r in second]):
         pieces = [[Piece(region, None) for region in side] for side in (ones, others)]
         if len(ones) != len(others):
             cut = int(len(others) < len(ones))  # the side that is one
             drawing, (whole,) = ((a, ones), (b, others))[cut]
-            paint = drawing.styles.get(sources[id(whole.outer)])
+            paint = drawing.styles.get(sources[cut][id(whole.outer)])
             is_opaque = paint is not None and paint.fill is not None and paint.fill_opacity == 1
             overlap = OPAQUE_OVERLAP * max(a.width, a.height) * is_opaque
             pieces[cut] = split_region(whole, (others, ones)[cut], overlap)
         ones, others = (side * (len(pieces[0]) // len(side)) for side in (ones, others))
         for one, other, piece, other_piece in zip(ones, others, *pieces, strict=True):
-            both = sources[id(one.outer)], sources[id(other.outer)]
+            both = sources[0][id(one.outer)], sources[1][id(other.outer)]
             contours = [[p.region.outer, *p.region.holes] for p in (piece, other_piece)]
             rows.append(
-                _Row(
-                    both[several], both, (contours[0], contours[1]), (piece.cuts, other_piece.cuts)
-                )
+                _Row(both[by_one], both, (contours[0], contours[1]), (piece.cuts, other_piece.cuts))
             )
     return rows
 
@@ -528,14 +529,15 @@ _Parts = list[tuple[str, Region]]
 
 
 def _join_kinds(
-    names: str, a: Drawing, b: Drawing,
+    a: Drawing, b: Drawing,
     first: Sequence[tuple[str, list[Curve]]], second: Sequence[tuple[str, list[Curve]]],
 ) -> list[_Row]:  # fmt: skip
     """Return the rows of shapes with open contours: lines become lines, and regions regions.
 
     If one drawing has only lines and the other one only regions, lines close to regions without
     holes. A part without a partner vanishes, or appears. first, second: contours by the ids of
-    shapes. FinloopError if a filled shape has a line within a region: it would be a hole.
+    shapes. FinloopError if regions meet, or a filled shape has a line within a region: it would be
+    a hole.
     """
     sides: list[tuple[_Parts, _Parts]] = []  # regions and lines
     for drawing, shapes in ((a, first), (b, second)):
@@ -544,7 +546,7 @@ def _join_kinds(
             closed = [curve for curve in curves if curve.closed]
             own = split_regions(closed) if closed else []
             single = [curve for curve in curves if not curve.closed]
-            _require_no_line_inside(names, drawing.styles.get(name), own, single)
+            _require_no_line_inside(drawing.styles.get(name), own, single)
             regions += [(name, region) for region in own]
             lines += [(name, Region(curve, [])) for curve in single]
         sides.append((regions, lines))
@@ -552,19 +554,19 @@ def _join_kinds(
     by_one = len(second) > 1
     rows = list[_Row]()
     if regions_a and regions_b:
-        rows += _join_regions(a, b, regions_a, regions_b)
+        rows += _join_regions(a, b, regions_a, regions_b, by_one)
         regions_a, regions_b = [], []
     if lines_a and lines_b:
         rows += _join_lines(lines_a, lines_b, by_one)
         lines_a, lines_b = [], []
     left_a, left_b = regions_a + lines_a, regions_b + lines_b
     if left_a and left_b and not any(region.holes for _, region in left_a + left_b):
-        sources = {id(region.outer): name for name, region in left_a + left_b}
+        sources = [{id(part.outer): name for name, part in left} for left in (left_a, left_b)]
         paired = set[int]()
         for ones, others in group_regions([r for _, r in left_a], [r for _, r in left_b]):
             pair = ones[0].outer, others[0].outer
             paired |= set(map(id, pair))
-            ids = sources[id(pair[0])], sources[id(pair[1])]
+            ids = sources[0][id(pair[0])], sources[1][id(pair[1])]
             rows.append(_Row(ids[by_one], ids, ([pair[0]], [pair[1]])))
         left_a, left_b = (
             [part for part in left if id(part[1].outer) not in paired] for left in (left_a, left_b)
@@ -575,7 +577,7 @@ def _join_kinds(
 
 
 def _require_no_line_inside(
-    names: str, paint: Paint | None, regions: Sequence[Region], lines: Sequence[Curve]
+    paint: Paint | None, regions: Sequence[Region], lines: Sequence[Curve]
 ) -> None:
     """Raise FinloopError if a filled shape has an open contour within a closed one."""
     if paint is None or paint.fill is None:
@@ -584,9 +586,9 @@ def _require_no_line_inside(
     if any(skimage.measure.points_in_poly(line.points, outline).any()
            for outline in outlines for line in lines):  # fmt: skip
         raise FinloopError(
-            f"shape {names!r}: filled, with an open contour within a closed one",
+            "a filled shape with an open contour within a closed one",
             "holes that are closed",
-            "close it (Z), or give it a path and an id of its own",
+            "close the open contour (Z), or give it a path and an id of its own",
         )
 
 
@@ -595,11 +597,13 @@ def _join_lines(first: _Parts, second: _Parts, by_one: bool) -> list[_Row]:
 
     by_one: whether rows have the ids of the second drawing.
     """
-    sources = {id(line.outer): name for name, line in (*first, *second)}
+    sources = [{id(line.outer): name for name, line in side} for side in (first, second)]
     rows = list[_Row]()
     for ones, others in group_regions([line for _, line in first], [line for _, line in second]):
         lines = [[line.outer for line in side] for side in (ones, others)]
-        ids = [[sources[id(line)] for line in side] for side in lines]
+        ids = [
+            [names[id(line)] for line in side] for names, side in zip(sources, lines, strict=True)
+        ]
         if len(lines[0]) != len(lines[1]):
             cut = int(len(lines[1]) < len(lines[0]))  # the side that is one
             lines[cut] = split_line(lines[cut][0], lines[1 - cut])
