@@ -1,11 +1,11 @@
 """Outlines of a trotting dog from a film: `python -m benchmarks.dog FILM`.
 
-The film is `dog.mp4` of github facebookresearch/sam2 (notebooks/videos, 1280×720, 30 frames/s), no
-part of finloop. A person calls the dog, which brings a ball. The extraction follows the person, so
-this step begins with points given by hand: `data/gaits/dog/joints.csv` says where the joints of
-each leg and of the body lie in every frame of two strides, and how wide the dog is there. The
-result is an SVG for each of these frames in the same folder, with an outline for each part. It is
-mirrored: the dog heads right. `--check FOLDER` also writes the outlines onto the frames.
+The film is `demo/data/gallery/01_dog.mp4` of github facebookresearch/sam2 (Apache-2.0), 1280×720
+px, 30 frames/s, no part of finloop. A person calls the dog, which brings a ball. The extraction
+follows the person, so this step begins with points given by hand: `data/gaits/dog/joints.csv` says
+where the joints of each leg and of the body lie in every frame of two strides, and how wide the dog
+is there. The result is an SVG for each of these frames in the same folder, with an outline for each
+part. It is mirrored: the dog heads right. `--check FOLDER` also writes outlines onto the frames.
 
 The camera stands still: what differs from the median of the frames without the dog is the dog, and
 a dark leash. Blur makes some paws as pale as the ground, so the axes themselves always count.
@@ -28,7 +28,7 @@ EMPTY = slice(80, 100)  # frames without the dog
 LEAST_CHANGE = 16  # of the brightest change of a channel, 0 … 255: more is not the ground
 LEASH = 95  # brightest channel of the leash; the dog is brighter
 SMOOTH_PX = 5  # side of the square within which most pixels decide
-SLACK_PX = 4.0  # largest distance of an edge from the tapered axis of a leg
+SLACK_PX = 4.0  # largest distance of an edge from the tapered axis of a leg; more for the body
 SHOWN = slice(400, 600)  # rows of the pictures of `--check`
 
 
@@ -42,7 +42,7 @@ def find_dog(frame: Picture, ground: Picture) -> Mask:
 def main() -> None:
     """Trace the film given in the command line; write an SVG for each marked frame to FOLDER."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("film", type=Path, help="dog.mp4")
+    parser.add_argument("film", type=Path, help="the film, 01_dog.mp4")
     parser.add_argument("--check", type=Path, help="folder for pictures with the outlines")
     given = parser.parse_args()
     axes_by_frame = load_axes(FOLDER / "joints.csv")

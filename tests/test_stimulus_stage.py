@@ -38,7 +38,7 @@ def stimulus_run(tmp_path_factory, tiny_run: TinyRun):
 
 @pytest.fixture
 def workspace(stimulus_run, monkeypatch):
-    monkeypatch.setattr("finloop.stimulus.motion._REHEARSED", 5)
+    monkeypatch.setattr("finloop.stimulus.motion._WARM_UP_TICKS", 5)
     monkeypatch.chdir(stimulus_run)
     return stimulus_run
 

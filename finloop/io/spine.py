@@ -247,7 +247,10 @@ def _last_frame_without_flip(stack: Points, frame: int, triangles: Ints) -> int:
 
 
 def _build_stroke_mesh(morph: Morph, shapes: Sequence[Shape], frames: Sequence[int]) -> _SlotMesh:
-    """Return the lines of a shape, given in every frame, as a strip along each contour."""
+    """Return the mesh of a shape's stroke: a strip along each contour.
+
+    shapes: the shape in every frame.
+    """
     strips, triangles, hull, offset = list[Points](), list[Ints](), 0, 0
     for layer, closed in zip(shapes[0].layers, shapes[0].closed, strict=True):
         points = morph.layers[layer][frames] * [1, -1] + [0, morph.height]
@@ -271,7 +274,7 @@ def _build_stroke_mesh(morph: Morph, shapes: Sequence[Shape], frames: Sequence[i
 
 
 def _half_widths(paint: Paint, points: Points, closed: bool) -> Floats:
-    """Return half the width of a line at its points (n, 2): (n,), 0 in gaps of cuts, lost holes."""
+    """Return half the width of a stroke at points (n, 2): 0 in gaps along cuts or at lost holes."""
     half = np.full(len(points), paint.width / 2)
     if not (paint.leaves_gaps and paint.dashes):
         return half
@@ -285,7 +288,7 @@ def _half_widths(paint: Paint, points: Points, closed: bool) -> Floats:
 
 
 def _stroke_outline(points: Points, closed: bool, half_widths: Floats) -> Points:
-    """Return the left and then the right side (f, 2 m, 2) of a line along points (f, n, 2).
+    """Return the left, then the right side (f, 2 m, 2) of a stroke along points (f, n, 2).
 
     half_widths (f, n): half its width. Open lines have round ends. Corners are mitred, up to MITRE.
     """

@@ -56,7 +56,7 @@ class ContourLayout(NamedTuple):
 
 
 def count_contour_folds(stack: Reals, layout: ContourLayout) -> Ints:
-    """Return the number (f,) of folds of contours (f, n, 2), which is exact: edges that meet.
+    """Return the exact number (f,) of folds of contours (f, n, 2): pairs of edges that meet.
 
     Edges of two contours count as those of one. Neighbouring edges count if they share more than
     their vertex; an edge of length 0 is a fold, too. FinloopError if a coordinate is not finite, or
@@ -368,9 +368,10 @@ def stays_simple_unchecked(stack: Floats, following: Ints) -> bool:
 
 @kernel
 def find_contacts(before: Floats, after: Floats, following: Ints, first_only: bool) -> Mask:
-    """Return which vertices (n,) meet in a motion between two poses (n, 2), or ends of such edges.
+    """Return a mask (n,) of vertices in contact in a straight motion between two poses (n, 2).
 
-    They may only come too near each other to decide. first_only: stop at the first contact. A
+    A contact is a vertex that meets an edge, or may meet it: the two come too near each other to
+    decide. The vertex and both ends of the edge count. first_only: stop at the first contact. A
     vertex and an edge can only meet where the boxes of their paths overlap; boxes of BLOCK of them
     rule out most pairs.
     """

@@ -25,7 +25,7 @@ def find_relaxing_moves(stack: Points, layout: ContourLayout) -> Points | None:
     """Return displacements (f, n, 2) that make frames of closed contours less distorted.
 
     The first and the last frame stay. Nothing keeps the moved contours from folding. None if the
-    contours are too fine for triangles between COARSE points of each.
+    contours are too near each other for triangles between any number in COARSE of points of each.
     """
     frames, count = stack.shape[:2]
     for most in COARSE:
@@ -89,12 +89,12 @@ def _relax_places(
     turning_goals: Floats,
     mirroring_goals: Complex,
 ) -> Complex:
-    """Return the vertices (n, k) of k frames after a step that lowers their energy.
+    """Return the vertices (n, k) of k frames after STEPS steps that lower their energy.
 
     gradients (t, n): see `_shape_gradients`; areas (t,): of triangles; weights (t, k): their areas
-    times the weight of their shape in a frame; goals (t, k): stretches, up to a rotation. The
-    rotations are found first, then all places by a step of one matrix, which is at least the
-    energy's in every frame: no step raises it.
+    times the weight of their shape in a frame; goals (t, k): stretches, up to a rotation. A step
+    finds the rotations first, then all places by one matrix, which is at least the energy's in
+    every frame: no step raises it.
     """
     # Real matrices: half the products of complex ones. ∂x and ∂y of all triangles, (2 t, n)
     derivatives = np.concatenate([gradients.real, gradients.imag])

@@ -6,10 +6,10 @@ It is also one between two regions, each a curve and the holes in it, none of wh
 If the linear morph from a to b is simple, it is the result. Otherwise both curves are simplified
 step by step into poses a_i and b_j, and the result is the shortest path a → a_i → b_j → b without
 folds. Between curves it exists, because the last poses can be joined: two polygons by turning and
-stretching about their centres, two lines by turning. Then the motion is smoothed in time as far as
-it stays simple, and its frames are distorted less (`relax`), each vertex as far. Closed frames are
-scaled so that their areas lie between those of the ends, which makes no folds. Finally every frame
-is tested exactly.
+stretching about their centres, two lines by turning. Then the motion is smoothed in time, and its
+frames are distorted less (`relax`), each vertex by itself; both as far as the motion stays simple.
+Closed frames are scaled so that their areas lie between those of the ends, which makes no folds.
+Finally every frame is tested exactly.
 
 A curve is simplified by one of three methods. Vertex i stays vertex i, between poses the vertices
 move straight, and a step counts only if it is proved free of contact (`morph.folds.stays_simple`).
@@ -58,8 +58,8 @@ JOIN = 64  # poses from one round or straight shape to another
 PARTS = 16  # steps of a straight motion: small boxes, few pairs to compare
 SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # widths in time, as shares of it, widest first
 RELAX = 0.7  # factor of the moves to rigid frames, near a fold, again and again until none is left
-RELAX_EDGES, RELAX_FRAMES = 5.0, 1.0  # standard deviations of what counts as near
-RELAX_ROUNDS = 100  # of that, before frames stay as they are
+RELAX_EDGES, RELAX_FRAMES = 5.0, 1.0  # how far from a fold: standard deviations of a Gaussian
+RELAX_ROUNDS = 100  # of such factors; if folds are left, no frame is moved
 RELAX_SHARE, RELAX_TIMES = 0.9, 2
 """Frames are moved again, so many times in all, where they take less than this share of a move."""
 REACH = 10  # edges: width of the mean along a curve
@@ -340,7 +340,10 @@ def _find_free_shares(stack: Points, moves: Points, layout: ContourLayout) -> Fl
 
 
 def _spread(values: Floats, width: float, mode: str) -> Floats:
-    """Return values (…, n) from 0 to 1 that fall off around those given, by a Gaussian, to 0."""
+    """Return values (…, n), 0 to 1, spread to their neighbours by a Gaussian of height 1.
+
+    width: its standard deviation; mode: as in `scipy.ndimage.gaussian_filter1d`.
+    """
     spread = scipy.ndimage.gaussian_filter1d(values, width, mode=mode)
     return np.minimum(1.0, np.sqrt(2 * np.pi) * width * spread)
 

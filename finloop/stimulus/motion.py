@@ -35,7 +35,7 @@ from finloop.stimulus.order import Trial
 from finloop.stimulus.protocol import Condition, MotionChange, Protocol
 from finloop.stimulus.rules import find_rule_target
 
-_REHEARSED = 200  # ticks of the rehearsal
+_WARM_UP_TICKS = 200
 _NOT_INTERPOLATED = slice(PICTURE, LOOK + 1)
 """Pictures, their mixture, their sides and the look."""
 MODE = "matching"
@@ -240,7 +240,7 @@ def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Tr
 def warm_up_stimulus(scene: TrialContext) -> None:
     """Let a fish swim unseen for 200 ticks, so that no trial waits for functions to be compiled."""
     tank, rng = LiveTank({MODE: scene.player}, MODE, fish=1, seed=0), np.random.default_rng(0)
-    for _ in range(_REHEARSED):
+    for _ in range(_WARM_UP_TICKS):
         tank.advance()
         x, y = rng.uniform(0, scene.tank.width), rng.uniform(0, scene.tank.height)
         tank.send_to_goal(0, float(x), float(y))
