@@ -67,6 +67,7 @@ from finloop.extract.segment import (
 )
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.extract.verdict import list_findings, summarize_light
 from finloop.features.metrics import compare_with_truth
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.features.table import measure_features
@@ -172,10 +173,67 @@ def test_the_light_is_measured_past_the_fish(colour):
         assert relative_brightness(lit, tank) == pytest.approx(gain, rel=0.01)
     a_third_of_a_level = scale_brightness(tank, 1.002)
     assert relative_brightness(a_third_of_a_level, tank) == 1.0
-    assert match_scene_to_light(scene := scene_of(tank), tank) is scene
+    assert match_scene_to_light(scene_of(tank), tank).background is tank
+    assert match_scene_to_light(scene_of(tank), tank).gains == pytest.approx(1, abs=1e-6)
     black = np.zeros_like(tank)
     for one, other in ((black, black), (tank, black), (black, tank)):
         assert relative_brightness(one, other) == 1.0
+
+
+def in_light(picture, gains):
+    """A picture in a light of these gains."""
+    return np.clip(np.rint(picture * np.asarray(gains)), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("gains", [[0.8], [0.97], [1.01], [1.25], [0.97, 1.0, 1.02]])
+def test_a_fish_in_flickering_light_has_the_same_cutout_as_in_steady_light(gains):
+    tank = floor(colour=len(gains) == 3)
+    steady = lay_over(tank, coverage(80.3, 59.6, 30), 90)
+    found = []
+    for frame in (steady, in_light(steady, gains)):
+        scene = match_scene_to_light(scene_of(tank), frame)
+        (silhouette,) = patches(frame, scene)
+        found.append((scene, measure_fish(silhouette, frame, scene, 33)))
+    (_, plain), (scene, fish) = found
+    assert scene.gains == pytest.approx(gains, rel=2e-3)
+    (h, w), (y, x) = plain.cutout.shape[:2], (plain.y0 - fish.y0, plain.x0 - fish.x0)
+    moved = np.roll(fish.cutout, (-y, -x), (0, 1))[:h, :w].astype(int)
+    body = (plain.cutout[..., -1] == 255) & (moved[..., -1] == 255)
+    assert body.sum() > 400
+    # Rounding in two lights, divided by a gain of 0.8: a grey level.
+    assert np.abs(moved - plain.cutout)[body].max() <= 1
+    assert np.abs(moved[body] - plain.cutout[body]).mean() < 0.4
+
+
+def test_where_the_light_is_unknown_a_cutout_is_as_bright_as_filmed():
+    tank = floor()
+    fish = lay_over(tank, coverage(80, 60), 90)
+    for frame, empty in (
+        (in_light(fish, 2.5), tank),  # saturates
+        (in_light(fish, np.linspace(0.3, 1, 160)), tank),  # a lamp at one side
+        (in_light(fish, 0.05), in_light(tank, 0.05)),  # plain black
+    ):
+        assert match_scene_to_light(scene_of(empty), frame).gains is None
+    alpha = np.full(SIZE, 255, np.uint8)
+    assert np.array_equal(premultiply_cutout(fish, tank, alpha)[..., 0], fish)
+
+
+def test_the_light_of_a_film_is_a_finding():
+    def judge(*light):
+        facts = summarize_light(np.array(light))
+        animals = dict.fromkeys(("silhouettes_at_border", "area_jumps_pct"), 0.0)
+        animals |= {"silhouettes_fish": 1.0, "typical_length_px": 60, "typical_edge_px": 2.0}
+        (found,) = [f for f in list_findings(animals | facts._asdict()) if f.word == "light"]
+        return found
+
+    flicker = judge(0.98, 1.02, 0.98, 1.02)
+    assert flicker.good and "2.0 %" in flicker.text and "even light" in flicker.text
+    lamp = judge(*[0.4] * 5, *[1.0] * 5)
+    assert not lamp.good and "2.50 times" in lamp.text
+    white = judge(1.0, 1.0, 1.0, np.nan)
+    assert not white.good and "25 %" in white.text and "as bright as filmed" in white.text
+    black = judge(np.nan, np.nan)
+    assert black.good and "cannot be told" in black.text
 
 
 @pytest.mark.parametrize("gain", [0.8, 1.2])

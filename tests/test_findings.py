@@ -61,7 +61,8 @@ def faults(folder: Path, frames: list[np.ndarray], rate: float = 25, crf: int = 
         f"silhouettes_{verdict.replace(' ', '_')}": extraction.verdicts[verdict]
         for verdict in ("fish", "at border")
     }
-    findings += judge_animals(facts | {"area_jumps_pct": extraction.area_jumps_pct})
+    facts |= {"area_jumps_pct": extraction.area_jumps_pct} | extraction.light._asdict()
+    findings += judge_animals(facts)
     table = load_table(tracks / "tracks.parquet", tracks_schema(p.points))
     features, _ = measure_features(table, made.facts.frame_rate_hz, settings("features"))
     findings += judge_headings(summarize_features(features))

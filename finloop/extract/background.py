@@ -15,12 +15,15 @@ import numpy as np
 import skimage
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Picture
+from finloop.base.arrays import Floats, Picture
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.parallel import ALONE, Threads, ordered_map
 
 _GRID = 16  # every 16th pixel in both directions suffices to measure the light
+_BLACK, _WHITE = 16, 250  # grey levels between which a pixel follows the light
+_LEAST_LIT = 0.2  # share of the picture; of less, on a black floor, animals are the most
+_LEAST_SHOWN = 0.5  # share of these pixels; of less, the light has not changed by one gain
 _SMOOTH = (3, 3)  # px, the Gaussian that smooths every difference image
 _STRIP = 64  # rows
 _NOISE_FRAMES = 8  # frames from which the noise is measured, some million pixels
@@ -41,13 +44,15 @@ class Scene:
 
     background: (h, w) or (h, w, 3) uint8. polarity: whether fish are darker or brighter, never
     `auto`. noise: standard deviation of the smoothed difference image, grey levels. threshold:
-    smallest difference of a fish, grey levels.
+    smallest difference of a fish, grey levels. gains: of a scene in the light of a frame, how
+    bright that is relative to the empty tank, per channel (1,) or (3,); None if it is unknown.
     """
 
     background: Picture
     polarity: Polarity
     noise: float
     threshold: float
+    gains: Floats | None = None
 
     @cached_property
     def light_meter(self) -> "_LightMeter":
@@ -61,7 +66,9 @@ class _LightMeter:
     def __init__(self, background: Picture) -> None:
         """Select the pixels of the background that are bright enough to compare."""
         grid = background[::_GRID, ::_GRID].astype(np.float32)
-        self._lit = grid > 16
+        self._grid = grid.reshape(grid.shape[0] * grid.shape[1], -1)
+        self._grey = ((self._grid > _BLACK) & (self._grid < _WHITE)).all(axis=1)
+        self._lit = grid > _BLACK
         self._levels = grid[self._lit]
         self._middle = float(np.median(self._levels)) if self._lit.any() else 0.0
 
@@ -78,6 +85,30 @@ class _LightMeter:
         gain = float(ratios[(len(ratios) - 1) // 2] + ratios[len(ratios) // 2]) / 2
         return 1.0 if abs(gain - 1.0) * self._middle < 0.5 or gain <= 0 else gain
 
+    def measure_channels(self, frame: Picture, gain: float, threshold: float) -> Floats | None:
+        """Return a frame's brightness divided by the background's, per channel: (1,) or (3,).
+
+        It is a ratio of sums over pixels that show the tank: they differ from the background, made
+        `gain` times as bright, by at most `threshold` grey levels. None, the light is unknown, if
+        fewer than a fifth of the pixels are neither black nor white, or fewer than half of these
+        show the tank.
+        """
+        tank = self._grid
+        levels = frame[::_GRID, ::_GRID].reshape(tank.shape).astype(np.float32)
+        lit = self._grey & (levels < _WHITE).all(axis=1)
+        count = np.count_nonzero(lit)
+        if count < _LEAST_LIT * len(tank):
+            return None
+        tank, levels = tank[lit], levels[lit]
+        # A light may change its colour. The first gains are only right to a grey level.
+        gains = np.full(1, gain) if tank.shape[1] == 1 else np.median(levels / tank, axis=0)
+        for _ in range(2):
+            shown = (np.abs(levels - gains * tank) <= threshold).all(axis=1)
+            if np.count_nonzero(shown) < _LEAST_SHOWN * count:
+                return None
+            gains = shown @ levels / (shown @ tank)
+        return np.asarray(gains, np.float64)
+
 
 def relative_brightness(frame: Picture, background: Picture) -> float:
     """Return a frame's brightness divided by a background's: the median ratio of pixels.
@@ -88,11 +119,12 @@ def relative_brightness(frame: Picture, background: Picture) -> float:
 
 
 def match_scene_to_light(scene: Scene, frame: Picture) -> Scene:
-    """Return a scene whose background is as bright as a frame."""
-    gain = scene.light_meter.measure(frame)
-    if gain == 1.0:
-        return scene
-    return replace(scene, background=scale_brightness(scene.background, gain))
+    """Return a scene whose background is as bright as a frame, with the gains of that light."""
+    meter = scene.light_meter
+    gain = meter.measure(frame)
+    background = scale_brightness(scene.background, gain)
+    gains = meter.measure_channels(frame, gain, scene.threshold)
+    return replace(scene, background=background, gains=gains)
 
 
 def scale_brightness(picture: Picture, gain: float) -> Picture:

@@ -6,6 +6,7 @@ core; `link_tracks` links them. Memory holds only some stretches of detections a
 `min_track_frames` frames.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -81,15 +82,16 @@ def add_learnt_backgrounds(
 
 
 class Detections(NamedTuple):
-    """The silhouettes found in one frame, as three lists with one entry for each.
+    """The silhouettes found in one frame, as three lists with one entry for each, and its light.
 
     verdicts: whether it is a fish; spots: its place; fish: its measures, None unless it is an
-    isolated fish with a backbone.
+    isolated fish with a backbone. light: brightness relative to the empty tank; NaN if unknown.
     """
 
     verdicts: list[Verdict]
     spots: list[SilhouettePlace]
     fish: list[SegmentedFish | None]
+    light: float = math.nan
 
 
 Stretch = list[Detections | None]
@@ -114,14 +116,15 @@ class Detector:
     def detect(self, frame: Picture, scene: Scene) -> Detections:
         """Return a frame's silhouettes, each with verdict, position, and measures if it is a fish.
 
-        scene: its background is as bright as the frame (`match_scene_to_light`).
+        scene: in the light of the frame (`match_scene_to_light`).
         """
         settings = self.settings
         least_area_px = max(settings.least_area_px, _SPECK * self.typical.area_px)
         edge_rule = SilhouetteEdge(
             settings.outline_contrast_ratio, settings.shadow, self.typical.fins, self.typical.thin
         )
-        result = Detections([], [], [])
+        light = math.nan if scene.gains is None else float(scene.gains.mean())
+        result = Detections([], [], [], light)
         for silhouette in find_silhouettes(frame, scene, self.arena, least_area_px, edge_rule):
             verdict = judge_silhouette(silhouette, self.typical, settings)
             fish = None
@@ -233,12 +236,12 @@ def link_tracks(
     linker = TrackLinker(gate_px, settings.step_area_ratio)
     waiting: dict[int, list[TrackedFish]] = {}
     long_tracks: set[int] = set()
-    for number, (verdicts, spots, fish) in enumerate(detections):
+    for number, detected in enumerate(detections):
         if number in cuts:
             linker.end_tracks()
-        ids = linker.link_frame(spots)
+        ids = linker.link_frame(detected.spots)
         ready: list[TrackedFish] = []  # fish of long tracks, to yield with this frame
-        for track, measures in zip(ids, fish, strict=True):
+        for track, measures in zip(ids, detected.fish, strict=True):
             if track is None or measures is None:
                 continue
             waiting.setdefault(track, []).append(TrackedFish(track, number, measures))
@@ -248,7 +251,7 @@ def link_tracks(
         alive = {track for track in ids if track is not None}
         waiting = {track: fishes for track, fishes in waiting.items() if track in alive}
         long_tracks &= alive
-        yield Counter(verdicts), ready
+        yield Counter(detected.verdicts), ready
 
 
 def _silhouette_place(

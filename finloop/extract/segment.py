@@ -321,7 +321,9 @@ def measure_fish(
         outline_px=refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS) + corner,
         x0=left,
         y0=top,
-        cutout=premultiply_cutout(frame[window], scene.background[window], alpha_with_fins),
+        cutout=premultiply_cutout(
+            frame[window], scene.background[window], alpha_with_fins, scene.gains
+        ),
     )
 
 
@@ -356,27 +358,34 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     return alpha
 
 
-def premultiply_cutout(film: Picture, tank: Picture, alpha: Picture) -> Picture:
-    """Return a fish cut out of a frame, without the tank's colour at its edge.
+def premultiply_cutout(
+    film: Picture, tank: Picture, alpha: Picture, gains: Floats | None = None
+) -> Picture:
+    """Return a fish cut out of a frame, without the tank's colour at its edge, in even light.
 
     The result (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, is film − (1 − alpha) · tank,
-    limited to 0 … alpha. Where the limit does not bind, the result laid over the same tank gives
-    back the film. `film` and `tank` are (h, w) or (h, w, 3), `alpha` (h, w).
+    divided by the gains of the frame's light, limited to 0 … alpha. Where the limit does not bind,
+    the result laid over the tank in even light gives back the film in even light. `film` and `tank`
+    are (h, w) or (h, w, 3) in the light of the frame, `alpha` (h, w), `gains` (1,) or (3,); None
+    leaves the light as it is.
     """
-    shape = (*alpha.shape, film.size // alpha.size)
-    return _premultiply_channels(film.copy().reshape(shape), tank.copy().reshape(shape), alpha)
+    channels = film.size // alpha.size
+    shape = (*alpha.shape, channels)
+    film, tank = film.copy().reshape(shape), tank.copy().reshape(shape)
+    return _premultiply_channels(film, tank, alpha, np.ones(channels) if gains is None else gains)
 
 
 @kernel
-def _premultiply_channels(film, tank, alpha):  # type: ignore[no-untyped-def]
+def _premultiply_channels(film, tank, alpha, gains):  # type: ignore[no-untyped-def]
     """Return the premultiplied cut-out (h, w, k + 1) of pictures (h, w, k) and alpha (h, w)."""
     height, width, channels = film.shape
     result = np.empty((height, width, channels + 1), np.uint8)
-    for y in range(height):
-        for x in range(width):
-            opaque = int(alpha[y, x])
-            for k in range(channels):
-                through = (tank[y, x, k] * (255 - opaque) + 127) // 255
-                result[y, x, k] = min(max(film[y, x, k] - through, 0), opaque)
-            result[y, x, channels] = opaque
+    for k in range(channels):
+        scale = 1 / (255 * gains[k])
+        for y in range(height):
+            for x in range(width):
+                opaque = int(alpha[y, x])
+                of_fish = 255 * int(film[y, x, k]) - (255 - opaque) * int(tank[y, x, k])
+                result[y, x, k] = int(min(max(of_fish * scale + 0.5, 0.0), float(opaque)))
+    result[..., channels] = alpha
     return result

@@ -1,7 +1,8 @@
 """Judge the animals of a film: whether they are large, sharp and clear of the border."""
 
+import math
 from collections.abc import Iterator, Mapping
-from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,8 @@ BORDER_PCT = 10.0
 # Measured: carp, trout, sunfish 0, zebrafish 0.2; flies whose legs come and go 1.3, a mouse with
 # its tail 2.3, a dog and a person before a hedge 2.4.
 PARTS_PCT = 0.5
+UNKNOWN_PCT = 1.0  # of the frames; one or two that a hand covers do not matter
+LIGHT_RANGE = 1.5  # cut-outs from a light so much weaker have as much more noise
 
 _OFF = 0.1  # of the area; an animal that bends or turns changes more slowly
 _WINDOW = 5  # frames
@@ -40,8 +43,57 @@ def measure_area_jumps(track: Ints, frame: Ints, area_px: Floats) -> float:
     return float(100 * (np.abs(areas[:, _WINDOW // 2] - usual) > _OFF * usual).mean())
 
 
+class LightFacts(NamedTuple):
+    """What the light of a film's frames does, relative to the empty tank.
+
+    light_sd_pct: standard deviation over the mean, per cent; light_range: brightest over darkest
+    frame; both NaN if no frame's light is known. light_unknown_pct: percentage of frames whose
+    light is unknown; their cut-outs are as bright as filmed.
+    """
+
+    light_sd_pct: float
+    light_range: float
+    light_unknown_pct: float
+
+
+def summarize_light(light: Floats) -> LightFacts:
+    """Return facts about the light (frames,) of a film; NaN is unknown."""
+    known = light[np.isfinite(light)]
+    if not len(known):
+        return LightFacts(math.nan, math.nan, 100.0)
+    return LightFacts(
+        light_sd_pct=100 * float(known.std() / known.mean()),
+        light_range=float(known.max() / known.min()),
+        light_unknown_pct=100 * (1 - len(known) / len(light)),
+    )
+
+
+def _judge_light(light: LightFacts) -> Finding:
+    """Return the finding on the light in which cut-outs are stored."""
+    if light.light_unknown_pct == 100:
+        return Finding(
+            "light", True, "Whether the light changes cannot be told: the floor is plain black or "
+            "white. Cut-outs are as bright as filmed.",
+        )  # fmt: skip
+    advice = "One light for the whole film: lamps and exposure set by hand, no white floor."
+    if light.light_unknown_pct > UNKNOWN_PCT:
+        return Finding(
+            "light", False,
+            f"In {light.light_unknown_pct:.0f} % of the frames the light is unknown, as where the "
+            "tank is plain white or a lamp lights only a part: cut-outs there are as bright as "
+            "filmed, all others are in even light.",
+            advice,
+        )  # fmt: skip
+    return Finding(
+        "light", light.light_range < LIGHT_RANGE,
+        f"The light differs by {light.light_sd_pct:.1f} % from frame to frame (SD), the brightest "
+        f"is {light.light_range:.2f} times the darkest; cut-outs are stored in even light.",
+        advice,
+    )  # fmt: skip
+
+
 def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
-    """Yield findings on the animals' size, outlines, border and missing parts.
+    """Yield findings on the animals' size, outlines, border, missing parts, and the light.
 
     metrics: of the stage `extract`, by name.
     """
@@ -66,7 +118,7 @@ def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
         "Film from farther away, so that the whole tank is seen; or give a larger clip.arena.",
     )  # fmt: skip
     jumps_pct = metrics["area_jumps_pct"]
-    if not isnan(jumps_pct):
+    if not math.isnan(jumps_pct):
         yield Finding(
             "parts", jumps_pct < PARTS_PCT,
             f"The area of an animal jumps by more than 10 % for a moment in {jumps_pct:.1f} % of "
@@ -74,3 +126,4 @@ def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
             "Parts come and go, such as legs, fins or a tail: more light on them, a floor of one "
             "brightness, or a smaller extract.outline_contrast_ratio.",
         )  # fmt: skip
+    yield _judge_light(LightFacts(*(metrics[name] for name in LightFacts._fields)))

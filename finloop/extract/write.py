@@ -6,7 +6,7 @@ It connects the package `extract` to files, for the stage `extract` and the libr
 import math
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -28,7 +28,7 @@ from finloop.extract.load_given import (
 from finloop.extract.samples import TypicalFish, Verdict, measure_scene_and_fish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.extract.verdict import measure_area_jumps
+from finloop.extract.verdict import LightFacts, measure_area_jumps, summarize_light
 from finloop.io.atomic import require_free_space
 from finloop.io.cutouts import compressed_size, tracks_writer
 from finloop.io.picture import save_picture
@@ -58,7 +58,7 @@ class Extraction(NamedTuple):
 
     lengths: frames by track. area_jumps_pct: see `measure_area_jumps`. given: outcomes of another
     program's places; empty without such tracks. lost: numbers of the frames that could not be
-    decoded.
+    decoded. light: see `LightFacts`.
     """
 
     scene: SceneFacts
@@ -67,6 +67,7 @@ class Extraction(NamedTuple):
     area_jumps_pct: float
     given: dict[str, float]
     lost: list[int]
+    light: LightFacts
 
 
 def extract_tracks(
@@ -93,12 +94,18 @@ def extract_tracks(
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
     track_ids, frames, areas = array("i"), array("i"), array("f")  # of every fish in every frame
+    light = array("d")  # of every frame
+
+    def note_light(detections: Iterable[film.Detections]) -> Iterator[film.Detections]:
+        """Yield the detections of every frame, and keep its light."""
+        for detected in detections:
+            light.append(detected.light)
+            yield detected
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         """Yield the fish of long tracks, frame by frame, and count what the summary needs."""
-        detections = film.fill_lost_frames(
-            film.detect_in_clip(stream, scene, detector, workers), lost
-        )
+        found = film.detect_in_clip(stream, scene, detector, workers)
+        detections = note_light(film.fill_lost_frames(found, lost))
         tracked = (
             linker.link_frames(detections, cuts)
             if linker
@@ -126,7 +133,10 @@ def extract_tracks(
         save_external_tracks(folder, external_tracks, p.points)
         external_metrics = linker.metrics(agreement)
     jumps_pct = measure_area_jumps(*map(np.array, (track_ids, frames, areas)))
-    return Extraction(scene_facts, verdicts, lengths, jumps_pct, external_metrics, lost)
+    light_facts = summarize_light(np.delete(np.array(light), lost))
+    return Extraction(
+        scene_facts, verdicts, lengths, jumps_pct, external_metrics, lost, light_facts
+    )
 
 
 def _open_stream(clip: Path, facts: VideoFacts, pieces: Checkpoints | None) -> film.ClipStream:
