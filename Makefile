@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro pull play runs sweep lint params-check bench docs pictures clean
+TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro pull play blind runs sweep lint params-check bench docs pictures clean
 .PHONY: $(TARGETS)
 
 # A second film beside FILM, or half of a path with a space, is a target to make: it would be left out in silence.
@@ -114,6 +114,9 @@ pull: setup ## take over the results that a colleague has pushed, after git pull
 
 play: setup ## send the fish by hand, on a local page:  make play S="--fish 4"
 	@python -m stages.play $(S)
+
+blind: setup ## a blind test for people, docs/blind.md:  make blind MODE=matching; then make blind ANSWERS="a.csv b.csv"
+	@python -m stages.blind --mode '$(MODE)' --answers '$(subst ','\'',$(value ANSWERS))' $(S)
 
 stimulus: setup ## a stimulus for animals, see docs/stimulus.md:  make stimulus S="show examples/protocol.yaml"
 	@python -m stages.stimulus $(S)
