@@ -901,6 +901,16 @@ def test_fractions_are_stretched_to_their_levels(tmp_path, scale):
     assert f"3 frames of {WIDTH}×{HEIGHT}" in footage.notes[0]
 
 
+@pytest.mark.parametrize("ending", [".npy", ".tif"])
+def test_a_picture_with_nan_is_refused(tmp_path, ending):  # else the whole film would be black
+    frames = np.random.default_rng(0).random((5, 20, 30), np.float32)
+    frames[2, 4, 4] = np.nan
+    path = tmp_path / f"film{ending}"
+    (np.save if ending == ".npy" else tifffile.imwrite)(path, frames)
+    with pytest.raises(FinloopError, match=r"film.*3, holds NaN"):
+        read(open_footage(path, frame_rate_hz=10))
+
+
 def test_masks_are_black_and_white(tmp_path):
     masks = np.array([picture(k)[..., 0] > 100 for k in range(3)])
     np.save(path := tmp_path / "film.npy", masks)

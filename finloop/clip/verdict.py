@@ -62,8 +62,8 @@ def judge_completeness(frames_missing: int) -> Finding:
         return Finding("missing", True, "All of its frames can be read.")
     return Finding(
         "missing", False,
-        f"{frames_missing} of its frames are missing or damaged: tracks end there, or the film "
-        "ends early.",
+        f"Frames that are missing or damaged: {frames_missing}. Tracks end there, or the film ends "
+        "early.",
         "Copy the film again, or record it with a faster disk.",
     )  # fmt: skip
 

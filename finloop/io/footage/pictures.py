@@ -132,7 +132,8 @@ def open_pictures(
     two pictures.
     """
     is_rate_given = rate is not None
-    with _open_album(path, is_rate_given) as (names, load, frame_numbers, notes, times):
+    with _open_album(path, is_rate_given) as album:
+        names, _, frame_numbers, notes, times = album
         if len(names) < 2:
             raise too_few_frames_error(path, len(names))
         if times is not None:  # only if no rate is given
@@ -143,9 +144,9 @@ def open_pictures(
             raise no_rate_error(path, f"{len(names)} pictures")
         if times is None:
             times = frame_numbers / float(rate)
-        first = load(0)
+        first = _load_picture(album, 0)
         sampled = spread_rows(np.arange(len(names)), SAMPLES)
-        samples = [thin_frame(load(int(k))) for k in sampled]
+        samples = [thin_frame(_load_picture(album, int(k))) for k in sampled]
     levels = None if first.dtype == np.uint8 else choose_deep_levels(samples)
     if colour is None:
         rgb = (_to_uint8(sample, colour=True, levels=levels) for sample in samples)
@@ -460,9 +461,21 @@ def _choose_pictures(footage: Footage, album: Album) -> tuple[Floats, list[int]]
     return times_s, [k for k in range(len(times_s)) if is_in_range(footage, times_s[k])]
 
 
+def _load_picture(album: Album, number: int) -> np.ndarray:
+    """Load a picture by its number, as stored; FinloopError if it holds NaN or infinity."""
+    picture = album.load(number)
+    if picture.dtype.kind == "f" and not np.isfinite(picture).all():
+        raise FinloopError(
+            came=f"{album.names[number]} holds NaN or infinity",
+            wanted="a number for each pixel",
+            do="give these pixels the level of the background: numpy.nan_to_num(frames, nan=LEVEL)",
+        )
+    return picture
+
+
 def _load_frame(footage: Footage, album: Album, number: int) -> np.ndarray:
     """Load a picture by its number as uint8, after a check of its size and depth."""
-    picture, size = album.load(number), (footage.width_px, footage.height_px)
+    picture, size = _load_picture(album, number), (footage.width_px, footage.height_px)
     if picture.shape[1::-1] != size:
         raise other_size_error(album.names[number], picture.shape[1::-1], size)
     # The film's `levels` are None exactly if its first picture has 8 bits.

@@ -251,7 +251,7 @@ def choose_deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
     """Choose the two grey levels that become 0 and 255 in a film of more than 8 bits.
 
     They are percentiles over sampled frames: cameras rarely fill their 16 bits, and a few hot
-    pixels must not decide. The second is at least the first + 1, or of fractions above the first.
+    pixels must not decide. The second is above the first; of whole numbers, by 1 at least.
     """
     frames = list(frames)
     whole_numbers = all(frame.dtype.kind in "ui" for frame in frames)
