@@ -66,16 +66,16 @@ def load_numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, f
 
 
 def describe_unknown(measures: Iterable[str], known: Collection[str]) -> str:
-    """Return a sentence on the measures that are not among known ones; "" if there is none.
+    """Return the measures that are not among known ones, as text; "" if there is none.
 
-    It names for each the known one that was perhaps meant.
+    Each is followed by the known one that was perhaps meant.
     """
     meant = []
     for name in measures:
         if name not in known:
             near = get_close_matches(name, known, 1)
             meant.append(f"{name} (did you mean {near[0]}?)" if near else name)
-    return f"There is no number {', '.join(meant)}." if meant else ""
+    return ", ".join(meant)
 
 
 def _read_cached(commit: str, path: str) -> str:
@@ -108,7 +108,11 @@ def write_comparison(names: list[str], measures: list[str], title: str, why: str
     first_commits = {run: commits[run] for run in table.first_runs}
     previews = draw_previews(first_commits, choose_mode(measures)) if "animate" in stages else {}
     unknown = describe_unknown(measures, {key for row in values.values() for key in row})
-    notes = [f"On commit {describe_commit('HEAD')}.", describe_differing_code(commits), unknown]
+    notes = [
+        f"On commit {describe_commit('HEAD')}.",
+        describe_differing_code(commits),
+        f"There is no number {unknown}." if unknown else "",
+    ]
     page = comparison_page(table, title, [why, *notes], commits, previews)
     save_bytes(OUT, page.encode())
     rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T

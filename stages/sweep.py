@@ -380,6 +380,17 @@ def read_measure(name: str, measure: str) -> float | None:
     return load_numbers([commit], [measure.partition(".")[0]])[commit].get(measure)
 
 
+def describe_doubtful_measures(plan: Experiment) -> str:
+    """Return the measures of a sweep that the present commit lacks, as text; "" if there is none.
+
+    Measures of stages of which it has no number at all do not count: nobody may have run them.
+    """
+    present = load_numbers(["HEAD"], plan.stages)["HEAD"]
+    known_stages = {name.partition(".")[0] for name in present}
+    checked = [name for name in plan.measures if name.partition(".")[0] in known_stages]
+    return describe_unknown(checked, present)
+
+
 def main() -> None:
     """Run the sweep on the command line; print a comparison and write reports/compare.html."""
     parser = argparse.ArgumentParser(prog="make sweep", description=__doc__)
@@ -405,9 +416,8 @@ def main() -> None:
     chosen = [f"+{FOLDER}={name}"] if name in list_sweeps() else []
     overrides = [*chosen, *list_overrides(read_params()), *fixed]
     claim_folder("stages.sweep")
-    present = load_numbers(["HEAD"], plan.stages)["HEAD"]
-    if present and (unknown := describe_unknown(plan.measures, present)):
-        print(f"finloop: {unknown}", file=sys.stderr)
+    if doubtful := describe_doubtful_measures(plan):
+        print(f"finloop: the present commit has no number {doubtful}", file=sys.stderr)
     finished, failures, found = make_sweep(name, plan, overrides, max(1, jobs))
     if finished:
         why = " ".join(filter(None, (plan.why, plan.seen, found)))

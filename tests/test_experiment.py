@@ -40,7 +40,7 @@ from stages.compose import compose_params
 from stages.experiment import Experiment, parse_values
 from stages.repository import find_experiments, list_experiments, read_git_user, run_git
 from stages.settings import list_overrides as overrides_of
-from stages.sweep import describe_run, plan_sweep
+from stages.sweep import describe_doubtful_measures, describe_run, plan_sweep
 from stages.trials import make_trials
 
 SWEEPS = sorted(path.stem for path in (ROOT / "conf/experiment").glob("*.yaml"))
@@ -416,9 +416,16 @@ def test_a_measure_that_no_run_has_is_named():
     known = {"bpn.held_out_area_rmse", "animate.film_pct"}
     assert describe_unknown(known, known) == ""
     text = describe_unknown(["bpn.held_out_area_rms", "animate.film_pct", "tank.x"], known)
-    assert text == (
-        "There is no number bpn.held_out_area_rms (did you mean bpn.held_out_area_rmse?), tank.x."
-    )
+    assert text == "bpn.held_out_area_rms (did you mean bpn.held_out_area_rmse?), tank.x"
+
+
+def test_a_measure_of_a_stage_that_nobody_has_run_is_not_doubted(monkeypatch):
+    present = {"HEAD": {"bpn.held_out_area_rmse": 0.2}}
+    monkeypatch.setattr("stages.sweep.load_numbers", lambda *_: present)
+    measures = ["bpn.held_out_area_rms", "realism.loops_auc"]
+    plan = plan_sweep(["learning_rate"], measures, NO_CHANGES)[1]
+    assert describe_doubtful_measures(plan).startswith("bpn.held_out_area_rms (did you mean")
+    assert "realism" not in describe_doubtful_measures(plan)
 
 
 # --- Optuna
