@@ -663,7 +663,8 @@ def test_a_single_picture_is_no_film_whatever_its_name(tmp_path):
 def test_a_film_in_parts_goes_on_where_the_part_before_ends(tmp_path):
     names = [f"s{k // 6}_{k % 6}.png" for k in range(18)]
     folder = write_pictures(tmp_path / "film", map(picture, range(18)), names=names)
-    assert numbers(read(open_footage(folder, frame_rate_hz=6))[1]) == list(range(18))
+    assert numbers(read(footage := open_footage(folder, frame_rate_hz=6))[1]) == list(range(18))
+    assert "each of 3 parts" in footage.notes[0]
 
 
 def test_two_cameras_in_a_folder_are_refused_and_times_are_not(tmp_path):

@@ -179,12 +179,15 @@ def find_series(folder: Path) -> tuple[list[Path], Ints, tuple[str, ...]]:
             wanted=f"the frames of one film, all of one kind: {' '.join(sorted(SUFFIXES))}",
             do="name that folder, or the film itself",
         )
+    parts = 0
     if hexadecimal := _read_hexadecimal_names(files):
         pattern, pictures, frame_numbers = hexadecimal
     else:
         pattern, pictures = _choose_series(folder, files)
-        frame_numbers = _find_frame_numbers(folder, pictures)
+        frame_numbers, parts = _find_frame_numbers(folder, pictures)
     notes = []
+    if parts:
+        notes.append(f"the names count anew in each of {parts} parts: one follows the other")
     if others := sorted(file.name for file in set(files) - set(pictures)):
         listed = ", ".join(others[:5]) + (", …" if len(others) > 5 else "")
         notes.append(f"left out of {len(files)} pictures, as not named {pattern}: {listed}")
@@ -280,8 +283,8 @@ def _several_series_error(folder: Path, sizes: dict[str, int]) -> FinloopError:
     )
 
 
-def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
-    """Return the frame number (n,) of each picture by the number in its name; the first is 0.
+def _find_frame_numbers(folder: Path, pictures: list[Path]) -> tuple[Ints, int]:
+    """Return the frame numbers (n,) of pictures by their names, the first 0; and `_count_parts`.
 
     pictures: of one series, in order. They count as consecutive unless their names differ in one
     number, whose steps are whole multiples of the usual one. FinloopError for the pictures of two
@@ -290,14 +293,14 @@ def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
     numbers_in_names = [[*map(int, re.findall(r"\d+", file.stem))] for file in pictures]
     consecutive = np.arange(len(pictures))
     if not numbers_in_names[0] or len({len(numbers) for numbers in numbers_in_names}) > 1:
-        return consecutive
+        return consecutive, 0
     whole = np.array(numbers_in_names, object)  # times can have more digits than a float
     columns = (whole - whole.min(axis=0)).astype(np.float64)
     differ = np.flatnonzero(np.ptp(columns, axis=0))
     if len(differ) == 2:
-        _refuse_several_cameras(folder, pictures, *columns[:, differ].T)
+        return consecutive, _count_parts(folder, pictures, *columns[:, differ].T)
     if len(differ) != 1:
-        return consecutive
+        return consecutive, 0
     number = columns[:, differ[0]]
     steps = np.diff(number)
     if not steps.all():
@@ -309,17 +312,15 @@ def _find_frame_numbers(folder: Path, pictures: list[Path]) -> Ints:
         )
     step = np.median(steps)
     if (steps <= 0).any() or (steps % step).any():
-        return consecutive
-    return np.rint((number - number[0]) / step).astype(np.int64)
+        return consecutive, 0
+    return np.rint((number - number[0]) / step).astype(np.int64), 0
 
 
-def _refuse_several_cameras(
-    folder: Path, pictures: list[Path], camera: Floats, number: Floats
-) -> None:
-    """Raise FinloopError if a folder holds pictures such as cam1_0, cam1_1, …, cam2_0, cam2_1, ….
+def _count_parts(folder: Path, pictures: list[Path], camera: Floats, number: Floats) -> int:
+    """Return how many parts a film has, as s1_0, s1_1, …, s2_0, …; 0 if the names do not tell.
 
-    camera, number (n,): two numbers in the name of each picture, in which the names differ; the one
-    of fewer values is the camera's. They are of several cameras if nearly all numbers occur with
+    FinloopError if the pictures are of several cameras. camera, number (n,): two numbers in the
+    name of each picture, in which the names differ; the one of fewer values is the camera's. They are of several cameras if nearly all numbers occur with
     every camera, and count by ones, unless each camera goes on where the one before ends: then the
     first number is a second or a part of the film. Times of day, such as 59_960, 60_000, also have
     two numbers, but do not count so.
@@ -331,10 +332,13 @@ def _refuse_several_cameras(
     shared = sorted(set.intersection(*numbers_of.values()))
     most = max(map(len, numbers_of.values()))
     is_counted = len(shared) > max(1, (1 - _FEW) * most) and np.diff(shared).min() == 1
-    if is_counted and not _do_go_on(pictures, camera):
+    if not is_counted:
+        return 0
+    if not _do_go_on(pictures, camera):
         examples = {value: pictures[int(np.argmax(camera == value))].name for value in cameras}
         sizes = {f"like {name}": len(numbers_of[value]) for value, name in examples.items()}
         raise _several_series_error(folder, sizes)
+    return len(cameras)
 
 
 def _do_go_on(pictures: list[Path], part: Floats) -> bool:
