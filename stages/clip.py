@@ -17,8 +17,8 @@ from finloop.clip.settings import ClipSettings, FootageSettings
 from finloop.clip.verdict import REPAIRS, judge_completeness, list_findings
 from finloop.clip.write import ClipSource, open_clip_source
 from finloop.io.atomic import whole_folder
+from finloop.io.checkpoints import remove_folders_except
 from finloop.io.footage import list_films, read_file_stamps, refuse_changed_film, unique_film_names
-from finloop.io.pieces import remove_folders_except
 from finloop.io.several import FILMS, JoinedFilm, join_clips, list_film_folders
 from finloop.io.video import CLIP_NAME, VideoFacts, read_chosen_frames
 from stages.reuse import code_digest, key_digest, reuse_or_make

@@ -24,8 +24,8 @@ from finloop.extract.settings import ExtractSettings
 from finloop.extract.verdict import list_findings
 from finloop.extract.write import Extraction, describe_lost_frames, extract_tracks
 from finloop.io.atomic import whole_folder
+from finloop.io.checkpoints import Checkpoints, remove_folders_except
 from finloop.io.footage import read_file_stamps
-from finloop.io.pieces import Checkpoints, remove_folders_except
 from finloop.io.several import FILMS, JoinedFilm, load_joined_films, load_readable_films
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
@@ -36,7 +36,7 @@ from stages.settings import load_settings
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 # DVC removes neither before it runs the stage: results of interrupted runs, and finished films.
-PIECES, KEPT = Path("data/.extract.part"), Path("data/.extract.films")
+CHECKPOINTS, KEPT = Path("data/.extract.part"), Path("data/.extract.films")
 LONG = 60  # frames of a long track
 _REASONS_NOT_USED = {
     "places_no_silhouette": "show no silhouette",
@@ -44,7 +44,7 @@ _REASONS_NOT_USED = {
     "places_not_isolated": "show no isolated animal",
     "places_in_short_runs": "are in runs shorter than extract.min_track_frames",
 }
-WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pieces"]
+WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.checkpoints"]
 """What the workers of a cluster import before they begin."""
 
 
@@ -59,14 +59,14 @@ def main() -> None:
         if load_readable_films(CLIP):  # several films
             numbers, films = _extract_films(CLIP, settings, pool, folder)
         else:  # one film: keep results until it is done, for a run that continues after a stop
-            pieces = Checkpoints(PIECES / key_digest(_track_inputs(CLIP, settings)))
-            remove_folders_except(PIECES, [pieces.folder.name])
+            checkpoints = Checkpoints(CHECKPOINTS / key_digest(_track_inputs(CLIP, settings)))
+            remove_folders_except(CHECKPOINTS, [checkpoints.folder.name])
             remove_folders_except(KEPT, [])
-            numbers = _extract_film(CLIP, settings, pool, pieces, folder)
+            numbers = _extract_film(CLIP, settings, pool, checkpoints, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             rows, tracks = int(numbers["fish_frames"]), int(numbers["tracks"])
             films = [_film_row(FilmContribution(name, rows, tracks, FishScaling()))]
-    remove_folders_except(PIECES, [])
+    remove_folders_except(CHECKPOINTS, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(EXTRACT / "films.csv", pd.DataFrame(films), decimals=3)
     used_films = [film["film"] for film in films if not film["left_out_because"]]
@@ -104,20 +104,21 @@ def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
 
 
 def _extract_film(
-    clip: Path, settings: ExtractSettings, pool: Workers, pieces: Checkpoints, folder: Path
+    clip: Path, settings: ExtractSettings, pool: Workers, checkpoints: Checkpoints, folder: Path
 ) -> dict[str, float]:
     """Write the tracks and cut-outs of one clip to `folder`; return its metrics by name.
 
-    pieces: results of an interrupted run, to go on from. NoTrackError if nothing can be followed.
+    checkpoints: results of an interrupted run, to go on from. NoTrackError if nothing can be
+    followed.
     """
     facts = load_facts(clip / FACTS_NAME)
-    if pieces.stored_bytes():
+    if checkpoints.stored_bytes():
         print("finloop: continues with the results of an interrupted run", file=sys.stderr)
     try:
         with report_progress("extract", facts.frames) as advance:
-            extraction = extract_tracks(clip, settings, folder, pool, advance, pieces)
+            extraction = extract_tracks(clip, settings, folder, pool, advance, checkpoints)
     except NoTrackError:
-        pieces.remove()  # a new run would find nothing, too
+        checkpoints.remove()  # a new run would find nothing, too
         raise
     for note in describe_used_positions(extraction.given):
         print(f"finloop: note: {note}", file=sys.stderr)
@@ -168,12 +169,12 @@ def _extract_films(
                 jobs.append((part, film_settings, key_digest(inputs)))
     # Results under other digests are of other parameters or films: nothing will read them.
     digests = [digest for _, _, digest in jobs]
-    remove_folders_except(PIECES, digests)
+    remove_folders_except(CHECKPOINTS, digests)
     for part, film_settings, digest in jobs:
-        film_folder, pieces = Path(FILMS) / part.name, Checkpoints(PIECES / digest)
+        film_folder, checkpoints = Path(FILMS) / part.name, Checkpoints(CHECKPOINTS / digest)
         print(f"finloop: {part.name}", file=sys.stderr)
         with _leave_out_on_error(part, errors):
-            make = partial(_extract_film, clip / film_folder, film_settings, pool, pieces)
+            make = partial(_extract_film, clip / film_folder, film_settings, pool, checkpoints)
             metrics = reuse_or_make(KEPT / digest, folder / film_folder, make)
             numbers |= {f"{part.name}_{name}": value for name, value in metrics.items()}
     remove_folders_except(KEPT, digests)

@@ -1176,5 +1176,5 @@ def test_whatever_stops_the_stage_leaves_what_was_there(workspace, walk_run, mon
         with pytest.raises((FinloopError, KeyboardInterrupt)) as caught:
             stages.extract.main()
         assert said in str(caught.value)
-        shutil.rmtree(stages.extract.PIECES, ignore_errors=True)
+        shutil.rmtree(stages.extract.CHECKPOINTS, ignore_errors=True)
         assert_as_before(workspace, old)

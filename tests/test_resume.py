@@ -18,31 +18,31 @@ from finloop.extract import film
 from finloop.extract.table import tracks_schema
 from finloop.io import atomic
 from finloop.io.atomic import require_free_space
+from finloop.io.checkpoints import Checkpoints, remove_folders_except
 from finloop.io.numbers import load_numbers
-from finloop.io.pieces import Checkpoints, remove_folders_except
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, KEY_FRAME_EVERY, load_facts, load_mask
 from finloop.verbs import Film, track
 
 FILM = [*TINY_CARP, "clip.frames=72", "clip.crf=0"]
 SHORT = KEY_FRAME_EVERY  # frames of a piece
-EXTRACT, PIECES = Path("data/extract"), Path("data/.extract.part")
+EXTRACT, CHECKPOINTS = Path("data/extract"), Path("data/.extract.part")
 Usage = namedtuple("Usage", "total used free")
 
 
-# --- pieces
+# --- checkpoints
 
 
 @pytest.mark.parametrize("left", [0, 4, 12, -1])
 def test_a_piece_that_is_kept_is_not_made_again_unless_it_is_damaged(tmp_path, left):
-    pieces = Checkpoints(tmp_path)
-    assert pieces.stored_bytes() == 0
+    checkpoints = Checkpoints(tmp_path)
+    assert checkpoints.stored_bytes() == 0
     for make in (lambda: list(range(99)), lambda: 1 / 0):
-        assert pieces.load_or_make("1", make) == list(range(99))
-    assert pieces.stored_bytes() == (tmp_path / "1").stat().st_size
+        assert checkpoints.load_or_make("1", make) == list(range(99))
+    assert checkpoints.stored_bytes() == (tmp_path / "1").stat().st_size
     (tmp_path / "1").write_bytes((tmp_path / "1").read_bytes()[:left])
-    assert pieces.load_or_make("1", lambda: "new") == "new"
-    assert pieces.load_or_make("1", lambda: 1 / 0) == "new"
+    assert checkpoints.load_or_make("1", lambda: "new") == "new"
+    assert checkpoints.load_or_make("1", lambda: 1 / 0) == "new"
 
 
 def test_pieces_of_something_else_are_removed(tmp_path):
@@ -116,20 +116,20 @@ def test_an_interrupted_run_goes_on_where_it_was(film_run, span_counts, monkeypa
     assert set(span_counts.values()) == {1} and len(span_counts) == 6
     assert content(EXTRACT) == content(film_run / EXTRACT)
     assert content(Path("reports/extract")) == content(film_run / "reports/extract")
-    assert not PIECES.exists()
+    assert not CHECKPOINTS.exists()
     assert "continues with" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("change", ["parameter", "film"])
 def test_nothing_is_taken_from_a_run_of_something_else(workspace, span_counts, monkeypatch, change):
     interrupt(monkeypatch)
-    (before,) = PIECES.iterdir()
+    (before,) = CHECKPOINTS.iterdir()
     if change == "parameter":
         prepare(workspace, *FILM, "extract.noise_sigmas=6")
     else:
         (workspace / "data/clip/more.txt").write_text("another clip")
     interrupt(monkeypatch)
-    (after,) = PIECES.iterdir()
+    (after,) = CHECKPOINTS.iterdir()
     assert after != before and dict(span_counts) == dict.fromkeys((0, 12, 24, 36), 2)
 
 
@@ -165,8 +165,8 @@ def test_a_disk_that_gets_full_leaves_nothing_half(workspace, film_run, monkeypa
         patch.setattr(Path, "write_bytes", full)
         with pytest.raises(FinloopError, match="disk is full"):
             stages.extract.main()
-    (pieces,) = PIECES.iterdir()
-    assert len(list(pieces.iterdir())) == 3 and not EXTRACT.exists()
+    (checkpoints,) = CHECKPOINTS.iterdir()
+    assert len(list(checkpoints.iterdir())) == 3 and not EXTRACT.exists()
     assert not list(workspace.glob("data/**/.*.part/*.part"))
     stages.extract.main()
     assert content(EXTRACT) == content(film_run / EXTRACT)

@@ -30,9 +30,9 @@ from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.extract.verdict import LightFacts, measure_area_jumps, summarize_light
 from finloop.io.atomic import require_free_space
+from finloop.io.checkpoints import Checkpoints, pack_result
 from finloop.io.cutouts import compressed_size, tracks_writer
 from finloop.io.picture import save_picture
-from finloop.io.pieces import Checkpoints, pack_result
 from finloop.io.record import save_record
 from finloop.io.table import arrow_table
 from finloop.io.video import (
@@ -72,25 +72,25 @@ class Extraction(NamedTuple):
 
 def extract_tracks(
     clip: Path, p: ExtractSettings, folder: Path, workers: Workers,
-    advance: Callable[[], None] = lambda: None, pieces: Checkpoints | None = None,
+    advance: Callable[[], None] = lambda: None, checkpoints: Checkpoints | None = None,
 ) -> Extraction:  # fmt: skip
     """Write tracks, cut-outs, scene and background of a clip to a folder; return a summary.
 
     clip: the folder of the clip. Each of `workers` decodes and measures its own stretches;
     `advance()` is called after each frame. A frame that cannot be decoded counts as one without
-    fish. `pieces` stores the detections of stretches. FinloopError if the clip cannot be read, the
-    disk has too little space, or no fish can be followed.
+    fish. `checkpoints` stores the detections of stretches. FinloopError if the clip cannot be read,
+    the disk has too little space, or no fish can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
     external_tracks = load_external_tracks(clip, facts, p) if p.tracks_path else None
     scene, detector, sample = _measure_clip(clip, facts, p)
     typical = detector.typical
-    _refuse_small_disk(folder, facts.frames, sample, pieces)
+    _refuse_small_disk(folder, facts.frames, sample, checkpoints)
     linker, agreement = None, None
     if external_tracks:
         agreement = check_external_tracks(external_tracks, clip, facts, scene, detector)
         linker = ExternalTrackLinker(external_tracks, typical.length_px, p.min_track_frames)
-    stream = _open_stream(clip, facts, pieces)
+    stream = _open_stream(clip, facts, checkpoints)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
     track_ids, frames, areas = array("i"), array("i"), array("f")  # of every fish in every frame
@@ -139,11 +139,11 @@ def extract_tracks(
     )
 
 
-def _open_stream(clip: Path, facts: VideoFacts, pieces: Checkpoints | None) -> film.ClipStream:
-    """Return how workers read the clip in a folder, and store their detections in `pieces`."""
+def _open_stream(clip: Path, facts: VideoFacts, checkpoints: Checkpoints | None) -> film.ClipStream:
+    """Return how workers read the clip in a folder, and store their detections in `checkpoints`."""
     # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
-    store = pieces.load_or_make if pieces else None
+    store = checkpoints.load_or_make if checkpoints else None
     return film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, store)
 
 
@@ -205,12 +205,12 @@ def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list
 
 
 def _refuse_small_disk(
-    folder: Path, frames: int, sample: Sequence[film.Detections], pieces: Checkpoints | None
+    folder: Path, frames: int, sample: Sequence[film.Detections], checkpoints: Checkpoints | None
 ) -> None:
     """Raise FinloopError if the disk has too little space for the results of a film.
 
     frames: length of the film; sample: detections in some of its frames. While rows are put in
-    order, table and cut-outs (pixels of fish with alpha) exist twice, beside the pieces.
+    order, table and cut-outs (pixels of fish with alpha) exist twice, beside the checkpoints.
     """
     isolated = [found for detections in sample for found in detections.fish if found is not None]
     fish = [film.TrackedFish(0, number, found) for number, found in enumerate(isolated)]
@@ -221,9 +221,9 @@ def _refuse_small_disk(
         )
         size_bytes = 2 * (table.nbytes + sum(map(compressed_size, film.fish_cutouts(fish))))
     stored_bytes = 0
-    if pieces is not None:
+    if checkpoints is not None:
         size_bytes += len(pack_result(list(sample)))
-        stored_bytes = pieces.stored_bytes()
+        stored_bytes = checkpoints.stored_bytes()
     wanted_bytes = size_bytes / len(sample) * frames - stored_bytes
     require_free_space(
         folder, wanted_bytes, f"the results of {frames} frames", "take a shorter film"

@@ -18,7 +18,7 @@ from finloop.io.atomic import save_bytes
 
 T = TypeVar("T")
 _CODEC = pa.Codec("zstd", compression_level=1)
-_SIZE = 8  # bytes of the size in front of a piece
+_SIZE = 8  # bytes of the size in front of a result
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Checkpoints:
     def remove(self) -> None:
         """Remove all stored results and their folder."""
         shutil.rmtree(self.folder, ignore_errors=True)
-        with suppress(OSError):  # another run has pieces there
+        with suppress(OSError):  # another run has checkpoints there
             self.folder.parent.rmdir()
 
 
