@@ -24,7 +24,15 @@ from finloop.io.parameters import build_settings, read_parameters
 from finloop.io.picture import load_picture
 from finloop.io.record import load_json, load_record, load_records, remake_hint
 from finloop.io.table import load_list_columns, load_table
-from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, load_mask
+from finloop.io.video import (
+    ARENA_NAME,
+    FACTS_NAME,
+    GRAIN_NAME,
+    VideoFacts,
+    load_facts,
+    load_mask,
+    read_frames,
+)
 
 if TYPE_CHECKING:  # what members return; they import it themselves
     from finloop.animate.motion import MotionStatistics
@@ -41,6 +49,8 @@ if TYPE_CHECKING:  # what members return; they import it themselves
     from finloop.modes.network import Network
     from finloop.pose.film import FilmPoses
     from finloop.render.gallery import Gallery
+    from finloop.render.living import LivingTank
+    from finloop.render.settings import TankLook
     from finloop.social.rule import SchoolRule
 
 PLACES = ("track_id", "frame", "x_px", "y_px")
@@ -127,6 +137,36 @@ class Project:
     def background(self) -> Picture:
         """Return the picture of the empty tank: (h, w) grey or (h, w, 3) RGB, uint8."""
         return load_picture(self.data / "extract/background.png")
+
+    def living_tank(self, look: TankLook) -> LivingTank | None:
+        """Return the empty tank at every tick, as `render.tank` wants it; None if it stands still.
+
+        It stands still, too, where the film shows neither grain nor, if wanted, changes of light.
+        """
+        from finloop.render.living import LivingTank
+
+        key = "living tank", look
+        if key not in self._kept:
+            tank, path = None, self.data / "extract" / GRAIN_NAME
+            pictures = [self.background]
+            if look != "still" and path.exists():
+                colour = self.background.ndim == 3
+                pictures = [frame.copy() for frame in read_frames(path, colour=colour)]
+            light = self._light_course() if look == "film" else None
+            if len(pictures) > 1 or light is not None:
+                tank = LivingTank(pictures, light)
+            self._kept[key] = tank
+        return self._kept[key]
+
+    def _light_course(self) -> Floats | None:
+        """Return the brightness (frames,) of the clip relative to its mean; None if unknown."""
+        from finloop.clip.check import CHECK, CHECK_NAME
+
+        path = self.data / "clip" / CHECK_NAME
+        if not path.exists():
+            return None
+        light = load_table(path, CHECK, ["light"])["light"].interpolate(limit_direction="both")
+        return None if light.isna().any() else (light / light.mean()).to_numpy(float)
 
     @cached_property
     def scene(self) -> SceneFacts:

@@ -2,6 +2,7 @@
 
 from stages.run import report_findings, report_progress, run, save_metrics  # isort: skip  (before numpy)
 
+import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,22 +14,38 @@ from typing import Any, get_args
 import cv2
 import pandas as pd
 
-from finloop.base.errors import FinloopError
+from finloop.base.errors import FinloopError, UndecodableError
 from finloop.base.finding import Finding
 from finloop.base.parallel import Workers
 from finloop.extract.film import NoTrackError
+from finloop.extract.grain import choose_spans, empty_tank_pictures
 from finloop.extract.join_films import FilmContribution, FishScaling, join_extractions
 from finloop.extract.load_given import find_tracks_path
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
+from finloop.extract.table import SceneFacts
 from finloop.extract.verdict import list_findings
-from finloop.extract.write import Extraction, describe_lost_frames, extract_tracks
+from finloop.extract.write import (
+    BACKGROUND_NAME,
+    Extraction,
+    describe_lost_frames,
+    extract_tracks,
+)
 from finloop.io.atomic import whole_folder
 from finloop.io.checkpoints import Checkpoints, remove_folders_except
 from finloop.io.footage import read_file_stamps
+from finloop.io.movie import VideoWriter
+from finloop.io.picture import load_picture
 from finloop.io.several import FILMS, JoinedFilm, load_joined_films, load_readable_films
 from finloop.io.table import save_csv
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.video import (
+    CLIP_NAME,
+    FACTS_NAME,
+    GRAIN_NAME,
+    VideoFacts,
+    load_facts,
+    read_frames,
+)
 from stages.cluster import open_workers
 from stages.origins import path_digest
 from stages.reuse import code_digest, key_digest, reuse_or_make
@@ -51,7 +68,8 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.che
 def main() -> None:
     """Follow every animal of the clip; write data/extract/, and metrics to reports/extract/.
 
-    data/extract/ gets background, tracks with backbones, cut-outs, and a row per film in films.csv.
+    data/extract/ gets background and grain of the tank, tracks with backbones, cut-outs, and a row
+    per film in films.csv.
     What is doubtful is printed and written to its findings.csv.
     """
     settings: ExtractSettings = load_settings("extract")
@@ -120,6 +138,7 @@ def _extract_film(
     except NoTrackError:
         checkpoints.remove()  # a new run would find nothing, too
         raise
+    grain_grey = _save_grain(clip, folder, facts, extraction.scene)
     for note in describe_used_positions(extraction.given):
         print(f"finloop: note: {note}", file=sys.stderr)
     if extraction.lost:
@@ -128,7 +147,38 @@ def _extract_film(
             "To make the clip again: `dvc repro --force clip`",
             file=sys.stderr,
         )
-    return {"frames": facts.frames, **_extraction_metrics(extraction)}
+    grain = {"tank_grain_grey": grain_grey}
+    return {"frames": facts.frames, **_extraction_metrics(extraction), **grain}
+
+
+def _save_grain(clip: Path, folder: Path, facts: VideoFacts, scene: SceneFacts) -> float:
+    """Write pictures of the empty tank, from which an animation's tank gets the film's grain.
+
+    Return the grain, grey levels. If the film shows none there is no file, and a note says why: the
+    animation's tank stands still. clip: folder of the film's clip.
+    """
+    background, shape = load_picture(folder / BACKGROUND_NAME), (facts.height_px, facts.width_px)
+    lack = "the film is too short, or its frames are too large"
+    for start, stop in choose_spans(facts.segments, (*shape, 3) if facts.colour else shape):
+        frames = read_frames(clip / CLIP_NAME, colour=facts.colour, start=start, stop=stop)
+        try:
+            found = empty_tank_pictures(
+                frames, background, scene.threshold_grey, scene.typical_length_px
+            )
+        except UndecodableError:
+            lack = "too many frames of the film cannot be decoded"
+            continue
+        if not found.lack:
+            writer = VideoWriter(
+                folder / GRAIN_NAME, *shape[::-1], facts.frame_rate, facts.colour, crf=0
+            )
+            with writer:
+                for picture in found.pictures:
+                    writer.write(picture)
+            return found.grain_grey
+        lack = found.lack
+    print(f"finloop: note: the empty tank of an animation stands still: {lack}", file=sys.stderr)
+    return 0.0
 
 
 def describe_used_positions(numbers: Mapping[str, float]) -> Iterator[str]:
@@ -179,6 +229,9 @@ def _extract_films(
             numbers |= {f"{part.name}_{name}": value for name, value in metrics.items()}
     remove_folders_except(KEPT, digests)
     contributions = join_extractions(clip, folder, errors)
+    grain = folder / FILMS / contributions[0].name / GRAIN_NAME  # the tank is that of the first
+    if grain.exists():
+        shutil.copy(grain, folder)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
     numbers["fish_frames"] = sum(item.rows for item in contributions)
     numbers["tracks"] = sum(item.tracks for item in contributions)

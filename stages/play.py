@@ -69,7 +69,8 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
         pictures, most_unlike = first.pictures, animate.fade_steps * first.step  # natural steps
         length_px = pictures.reel.scale * project.scene.typical_length_px
         shadow = Shadow(render.shadow_darkness, render.shadow_blur * length_px)
-        painter = Painter(project.background, shadow=shadow)
+        living = project.living_tank(render.tank)
+        painter = Painter(project.background, shadow=shadow, tank=living)
         stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
         cutout_sets = build_cutout_sets(stores, project.tracks(PLACE), project.sprites)
         gallery = Gallery(cutout_sets, project.bodies, PICTURES)

@@ -110,7 +110,8 @@ def main() -> None:
             name: camera_views(name, tank, first.place, first.poses.heading, rate)
             for name in (*PRESETS, p.camera)
         }
-        with TankScene(project.background, tank, size, len(fish)) as scene:
+        living = project.living_tank(load_settings("render").tank)
+        with TankScene(project.background, tank, size, len(fish), living) as scene:
 
             def draw_view(camera: str, tick: int) -> np.ndarray:
                 """Return the picture (h, w, 3) of the tank that a camera sees at a tick."""

@@ -964,7 +964,7 @@ def test_a_fish_that_stands_is_laid_down():
 # -- the stage ----------------------------------------------------------------------------------
 
 
-MADE = ["background.png", "cutouts.arrow", "films.csv", "findings.csv", "scene.json",
+MADE = ["background.png", "cutouts.arrow", "films.csv", "findings.csv", "grain.mp4", "scene.json",
         "tracks.parquet"]  # fmt: skip
 
 
@@ -1007,6 +1007,11 @@ def test_the_stage_makes_its_files(extract_run):
     assert metrics["longest_track_frames"] == metrics["fish_frames_in_tracks_of_60_frames"] == 100
     assert metrics["noise_grey"] == pytest.approx(facts.noise_grey, rel=5e-4)
     assert metrics["typical_length_px"] == pytest.approx(70, rel=0.03)
+    pictures = [picture.astype(float) for picture in read_frames(data / "grain.mp4")]
+    assert len(pictures) == 100
+    change = np.stack(pictures) - load_picture(data / "background.png")
+    assert np.abs(change).max() < 20  # the animal, which is 90 darker, is in none of them
+    assert metrics["tank_grain_grey"] == pytest.approx(change.std(), rel=0.2)
 
 
 def test_cutouts_over_the_background_are_the_film(extract_run):

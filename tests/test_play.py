@@ -37,6 +37,8 @@ from finloop.live.fish import ROW
 from finloop.live.message import parse_message
 from finloop.live.tank import LiveTank, warm_up_paths
 from finloop.modes.sprites import start_from_bend
+from finloop.render.living import LivingTank
+from finloop.render.painter import Painter
 from stages.play import open_view
 
 
@@ -656,3 +658,21 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
             others = Plans.from_paths(paths, last.tick).places_of_others(-1, last.tick)
             state = player.with_obstacles(last.state, others)
             assert player.is_clear(state._replace(fish=last.state.fish), last.stretch)
+
+
+def test_the_live_tank_shows_the_same_picture_for_the_same_tick():
+    drawn = view_of(seed=3)
+    height, width = drawn.painter.canvas.shape[:2]
+    rng = np.random.default_rng(0)
+    pictures = [rng.integers(90, 110, (height, width), np.uint8) for _ in range(10)]
+    tank = LivingTank(pictures)
+    drawn.painter = Painter(pictures[0], tank=tank)
+    frames = {}
+    for tick in range(4):
+        drawn.render_frame()
+        frames[tick] = drawn.painter.frame.copy()
+        assert (frames[tick][:3] == tank.picture_at(tick)[:3]).all()
+        drawn.advance()
+    drawn.past_tick = 1
+    drawn.render_frame()
+    assert (drawn.painter.frame == frames[1]).all()

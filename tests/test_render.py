@@ -829,7 +829,8 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
         folder, kind="sprite", source=np.int32(1), orientation=np.int8(1), x_px=160.0, y_px=120.0,
         rotation_deg=np.float32(0),
     )  # fmt: skip
-    prepare(folder, *NETWORK, "render.crf=1", "render.marked_film=false", "render.webp_seconds=0.0")
+    settings = ["render.crf=1", "render.marked_film=false", "render.webp_seconds=0.0"]
+    prepare(folder, *NETWORK, *settings, "render.tank=still")
     stages.render.main()
     assert set(content(Path("data/render"))) == {"network.mp4"}
     assert Path("reports/render/metrics.json").exists()  # although nothing switches in it

@@ -31,6 +31,7 @@ KEY_FRAME_EVERY = 12  # a seek decodes at most 11 frames in vain, for about 5 % 
 THREADS = 2
 
 CLIP_NAME, FACTS_NAME = "clip.mp4", "facts.json"
+GRAIN_NAME = "grain.mp4"  # pictures of the empty tank, coded as the clip, without loss
 ARENA_NAME, TRUTH_NAME, FRAMES_NAME = "arena.png", "truth.parquet", "frames.parquet"
 
 FRAMES = Schema(*columns("int32", "1", "frame", "source_frame"))

@@ -128,7 +128,7 @@ class TankView:
         self.frame += 1
         tick, painter = self.shown_tick, self.painter
         rows = [row for fish in self.tank.fish if (row := fish.row_at(tick)) is not None]
-        painter.show(*map(self.gallery.place_fish, rows))
+        painter.show(*map(self.gallery.place_fish, rows), tick=tick)
         picture = painter.frame
         if picture.ndim == 3:
             picture = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)

@@ -36,6 +36,7 @@ from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.base.sampling import keys_cubic_weights
 from finloop.puppet import PlacedBackbone, PosedPicture, mix_pictures
+from finloop.render.living import LivingTank
 
 Image = NDArray[np.uint8]
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
@@ -216,17 +217,26 @@ class Painter:
     """A canvas on which fish are drawn tick after tick; it restores only what was drawn on.
 
     floor: (H, W, 1 or 3) uint8, the canvas without fish; callers that draw on it report where with
-    `mark_changed`. canvas: the floor with fish.
+    `mark_floor_drawn`. canvas: the floor with fish. A living tank shows another floor, and another
+    light, at every tick; what callers drew on the floor lies on all of them.
     """
 
-    def __init__(self, background: Image, colour: bool = False, shadow: Shadow = NO_SHADOW) -> None:
-        """Begin with the empty tank, (H, W) or (H, W, 3); `colour` makes a grey one RGB."""
+    def __init__(
+        self, background: Image, colour: bool = False, shadow: Shadow = NO_SHADOW,
+        tank: LivingTank | None = None,
+    ) -> None:  # fmt: skip
+        """Begin with the empty tank, (H, W) or (H, W, 3); `colour` makes a grey one RGB.
+
+        tank: how the tank lives; None: it stands still.
+        """
         floor = background if background.ndim == 3 else background[..., None]
         if colour and floor.shape[2] == 1:
             floor = floor.repeat(3, axis=2)
         self.floor = np.array(floor, order="C")
         self.canvas = self.floor.copy()
-        self._shadow, self._touched = shadow, list[Box]()
+        self._shadow, self._touched, self._tank = shadow, list[Box](), tank
+        self._empty_floor = self.floor if tank is None else self.floor.copy()
+        self._drawn: Image | None = None  # (H, W), not 0 where the floor is drawn on
 
     @property
     def frame(self) -> Image:
@@ -238,23 +248,44 @@ class Painter:
         if not box.is_empty:
             self._touched.append(box)
 
-    def wipe(self) -> None:
-        """Restore the floor wherever the canvas was changed."""
-        for box in self._touched:
-            self.canvas[box.slices] = self.floor[box.slices]
+    def mark_floor_drawn(self, box: Box) -> None:
+        """Note that a box of the floor is drawn on: it lies on the tank of every tick."""
+        if self._tank is not None and not box.is_empty:
+            if self._drawn is None:
+                self._drawn = np.zeros(self.floor.shape[:2], np.uint8)
+            change = self.floor[box.slices] != self._empty_floor[box.slices]
+            self._drawn[box.slices] = change.any(axis=2)
+        self.mark_changed(box)
+
+    def wipe(self, tick: int = 0) -> None:
+        """Restore the floor wherever the canvas was changed; a living tank shows that of a tick."""
+        if self._tank is None:
+            for box in self._touched:
+                self.canvas[box.slices] = self.floor[box.slices]
+        else:
+            picture = self._tank.picture_at(tick)
+            if picture.ndim == 2 and self.canvas.shape[2] == 3:
+                cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB, dst=self.canvas)
+            else:
+                np.copyto(self.canvas, picture.reshape(self.canvas.shape))
+            if self._drawn is not None:
+                cv2.copyTo(self.floor, self._drawn, self.canvas)
         self._touched.clear()
 
-    def show(self, *fish: PlacedFish) -> Box:
+    def show(self, *fish: PlacedFish, tick: int = 0) -> Box:
         """Draw fish on the clean floor, in the given order; return the box that they cover.
 
         fish: one or more, from the lowest to the highest; each casts its shadow on those below.
+        tick: of the animation, for a living tank.
         """
-        self.wipe()
+        self.wipe(tick)
         boxes: list[Box] = []
         for number, placed in enumerate(fish):
             if self._shadow.share and number:
                 self._draw_shadow(placed, fish[:number])
             boxes.append(self.draw(*placed))
+        if self._tank is not None:
+            self._tank.light_up(self.canvas, tick)
         return Box.enclose([box for box in boxes if not box.is_empty] or boxes)
 
     def _draw_shadow(self, upper: PlacedFish, lower: Sequence[PlacedFish]) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Reals
+from finloop.render.living import LivingTank
 from finloop.tank.camera import TankSize
 
 SUN = np.array([-0.28, 0.34, 0.9]) / np.linalg.norm([-0.28, 0.34, 0.9])
@@ -53,38 +54,51 @@ def wave_heights_and_slopes(
 class LitFloor:
     """The floor of the tank under moving light, with the shadows of fish."""
 
-    def __init__(self, background: NDArray[np.uint8], tank: TankSize) -> None:
+    def __init__(
+        self, background: NDArray[np.uint8], tank: TankSize, living: LivingTank | None = None
+    ) -> None:
         """Shrink the background to `_FLOOR_PX` a side at most; lay a grid for the light over it.
 
-        background: the film without fish, (H, W) or (H, W, 3) uint8.
+        background: the film without fish, (H, W) or (H, W, 3) uint8. living: how it changes from
+        tick to tick, None = not at all.
         """
         self._scale = min(1.0, _FLOOR_PX / max(background.shape[:2]))  # of the floor's picture
-        small = background
-        if self._scale < 1:
-            width, height = (max(2, round(self._scale * side)) for side in background.shape[1::-1])
-            small = cv2.resize(background, (width, height), interpolation=cv2.INTER_AREA)
-        self.plain = np.ascontiguousarray(small)
+        small = self.plain = self._shrink(background)
+        self._living = living
+        self._pictures = [self._shrink(picture) for picture in living.pictures] if living else []
         self._tank = tank
         row_count, column_count = (max(2, round(side / _CELL_PX)) for side in small.shape[:2])
         columns = np.linspace(0, tank.width, column_count, dtype=np.float32)
         rows = np.linspace(0, -tank.height, row_count, dtype=np.float32)
         self._x, self._y = np.meshgrid(columns, rows)
 
-    def draw_floor(self, fish: Sequence[Reals], time_s: float) -> NDArray[np.uint8]:
+    def _shrink(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return a picture of the floor at the scale at which it is drawn."""
+        if self._scale == 1:
+            return np.ascontiguousarray(picture)
+        width, height = (max(2, round(self._scale * side)) for side in picture.shape[1::-1])
+        return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+
+    def draw_floor(self, fish: Sequence[Reals], time_s: float, tick: int = 0) -> NDArray[np.uint8]:
         """Return the lit floor at a time, (h, w) or (h, w, 3) uint8, with the fish's shadows.
 
-        fish: points (rings, around, 3) of each, px of the tank.
+        fish: points (rings, around, 3) of each, px of the tank. tick: of the animation, for a
+        living tank.
         """
+        plain, brightest = self.plain, _BRIGHTEST
+        if self._living is not None:
+            plain = self._pictures[self._living.number_at(tick)]
+            brightest *= self._living.light_at(tick)
         height, width = self.plain.shape[:2]
         light = cv2.resize(
             self._light_pattern(time_s), (width, height), interpolation=cv2.INTER_LINEAR
         )
         for points in fish:
             self._subtract_shadow(light, points)
-        if self.plain.ndim == 3:
+        if plain.ndim == 3:
             light = cv2.merge([light] * 3)
         # A light of 255 makes the plain floor `_BRIGHTEST` times as bright.
-        return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
+        return cv2.multiply(plain, light, scale=brightest / 255)
 
     def _light_pattern(self, time_s: float) -> NDArray[np.uint8]:
         """Return the pattern of moving bright lines that waves cast on the floor at a time, uint8.

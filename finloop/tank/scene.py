@@ -21,6 +21,7 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
+from finloop.render.living import LivingTank
 from finloop.tank.body import AROUND as AROUND_BODY
 from finloop.tank.body import RINGS, surface_triangles, texture_coordinates
 from finloop.tank.camera import GLASS_PER_DEPTH, VIEW_DEG, CameraViews, TankSize
@@ -68,11 +69,13 @@ class TankScene(AbstractContextManager["TankScene"]):
     """
 
     def __init__(
-        self, background: Picture, tank: TankSize, size: tuple[int, int], fish: int = 1
-    ) -> None:
+        self, background: Picture, tank: TankSize, size: tuple[int, int], fish: int = 1,
+        living: LivingTank | None = None,
+    ) -> None:  # fmt: skip
         """Open the window and add light, sky, floor, fish (how many), water and glass.
 
-        background: (H, W) or (H, W, 3) uint8, the floor; size: width and height of pictures, px.
+        background: (H, W) or (H, W, 3) uint8, the floor; size: width and height of pictures, px;
+        living: how the floor changes from tick to tick, None = not at all.
         """
         self._size, self._tank = size, tank
         self._plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
@@ -80,7 +83,7 @@ class TankScene(AbstractContextManager["TankScene"]):
         self._window.SetMultiSamples(1)
         self._plotter.renderer.SetUseOIT(False)  # layers are drawn in order: no need to sort
         self._plotter.camera.view_angle = VIEW_DEG
-        self._floor, self._water = LitFloor(background, tank), WaterSurface(tank)
+        self._floor, self._water = LitFloor(background, tank, living), WaterSurface(tank)
         self._add_light()
         self._add_sky()
         self._floor_picture = self._add_floor()
@@ -110,7 +113,8 @@ class TankScene(AbstractContextManager["TankScene"]):
             mesh.points[:] = points.reshape(-1, 3)
             mesh.point_data["Normals"][:] = normals.reshape(-1, 3)
             picture.point_data[_COLOURS][:] = skin[::-1].reshape(-1, 3)  # VTK begins below
-        floor = cv2.flip(self._floor.draw_floor([points for points, _, _ in fish], time_s), 0)
+        all_points = [points for points, _, _ in fish]
+        floor = cv2.flip(self._floor.draw_floor(all_points, time_s, tick), 0)
         floor_pixels = self._floor_picture.point_data[_COLOURS]
         floor_pixels[:] = floor.reshape(floor_pixels.shape)
         water_points, colours = self._water.points_and_colours(
