@@ -12,8 +12,9 @@ from finloop.puppet import (
     PoseShapes,
     TailParameters,
     align_body_and_tail,
+    change_in_pose,
     draw_in_pose,
-    mix_pictures,
+    pose_cutout,
     poses_from_features,
 )
 from finloop.puppet.pose import backbone_bends, backbone_steps, mirror_posture
@@ -210,12 +211,35 @@ def test_what_lies_outside_the_picture_is_cut_off():
     assert not draw_in_pose(BODY, pose(), pose().move_to(-500, 0, 0, LENGTH), SIZE).any()
 
 
-def test_two_frames_in_one_pose_blend_in_light_alone():
-    dark = BODY._replace(pixels=BODY.pixels // np.array([2, 2, 2, 1], np.uint8))
-    one, other = (draw_in_pose(frame, pose(), pose(1.0), SIZE) for frame in (BODY, dark))
-    half = mix_pictures(one, other, 0.5)
-    assert np.allclose(half, (one + other) / 2, atol=1e-6)
-    assert np.allclose(half[..., 3], one[..., 3], atol=1e-6)
+def change(first, second, weight, turn=1.0):
+    """What is between two cut-outs in one pose, bent by `turn`, and each of them alone."""
+    posed = [pose_cutout(cutout, pose(), pose(turn), False, True) for cutout in (first, second)]
+    box = (0, 0, *SIZE)
+    return change_in_pose(*posed, weight, box), *(picture.draw_part(box) for picture in posed)
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.25, 0.5, 0.75, 1.0])
+def test_skin_changes_from_the_tail_to_the_head(weight):
+    plain = BODY._replace(pixels=BODY.pixels * np.array([1, 1, 0, 1], np.uint8))
+    drawn, new, old = change(plain, BODY, weight)
+    assert np.allclose(drawn[..., 3], new[..., 3], atol=1e-6)  # no part of it is half transparent
+    solid, place, _ = sides(drawn)
+    share = (drawn / np.maximum(old, 1e-6))[..., 2]  # of the old skin
+    assert np.allclose(share[solid & (place < 1.2 * weight - 0.25)], 1, atol=2e-3)
+    assert np.allclose(share[solid & (place > 1.2 * weight + 0.05)], 0, atol=2e-3)
+    assert abs(share[solid].mean() - weight) < 0.08
+
+
+@pytest.mark.parametrize("weight", [0.1, 0.4, 0.6, 0.9])
+@pytest.mark.parametrize("is_new", [True, False])
+def test_a_fin_of_one_picture_alone_is_seen_whole_or_not_at_all(weight, is_new):
+    finned = straight_body(fin=12)
+    drawn, new, old = change(*((finned, BODY) if is_new else (BODY, finned)), weight)
+    assert np.allclose(drawn[..., 3], (old if weight > 0.5 else new)[..., 3], atol=1e-5)
+    fin, shown = np.abs(new[..., 3] - old[..., 3]) > 0.99, new if is_new else old
+    assert fin.sum() > 30
+    expected = shown[fin] if (weight < 0.5) == is_new else 0
+    assert np.allclose(drawn[fin], expected, atol=5e-3)
 
 
 # --- poses of a film

@@ -15,7 +15,7 @@ from finloop.distance.picture import SPAN, draw_centred_cutout, paired_distances
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies, Body
 from finloop.edit.schema import FRAME, SPRITE, row_partner, row_picture
-from finloop.puppet import Pose, draw_in_pose, mix_pictures
+from finloop.puppet import Pose, PosedPicture, change_in_pose, mix_pictures, pose_cutout
 
 Picture = NDArray[np.float32]
 
@@ -66,11 +66,19 @@ class Pictures:
             middle, middle, np.radians(float(body.heading_deg) + turn_deg), length_px
         )
 
+    @property
+    def box(self) -> tuple[int, int, int, int]:
+        """Return the whole picture as a box: top, left, bottom, right."""
+        return 0, 0, self.size, self.size
+
+    def pose_body(self, body: Body, target: Pose) -> PosedPicture:
+        """Return the picture of a filmed body, prepared to be drawn in a target pose."""
+        cutout, pose = self.reel.cutouts[int(body.row)], self.bodies.poses.pose[int(body.row)]
+        return pose_cutout(cutout, pose, target, bool(body.mirrored), sharp=False)
+
     def draw_body(self, body: Body, target: Pose) -> Picture:
         """Draw a filmed body in a target pose; return the picture (size, size, channels)."""
-        row, size = int(body.row), (self.size, self.size)
-        cutout, pose = self.reel.cutouts[row], self.bodies.poses.pose[row]
-        return draw_in_pose(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
+        return self.pose_body(body, target).draw_part(self.box)
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
@@ -125,11 +133,16 @@ def draw_edit_list(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
         to_draw = [row_picture(row), row_partner(row)] if row.weight else [row_picture(row)]
         if row.pose is None:
             drawn = [pictures(*picture) for picture in to_draw]
-        else:
-            bodies = [pictures.bodies.body_in_edit_row(picture) for picture in to_draw]
-            target = pictures.target_pose(bodies[0], row.scale, row.pose)
-            drawn = [pictures.draw_body(body, target) for body in bodies]
-        yield mix_pictures(*drawn, row.weight) if row.weight else drawn[0]
+            yield mix_pictures(*drawn, row.weight) if row.weight else drawn[0]
+            continue
+        bodies = [pictures.bodies.body_in_edit_row(picture) for picture in to_draw]
+        target = pictures.target_pose(bodies[0], row.scale, row.pose)
+        posed = [pictures.pose_body(body, target) for body in bodies]
+        yield (
+            change_in_pose(*posed, row.weight, pictures.box)
+            if row.weight
+            else posed[0].draw_part(pictures.box)
+        )
 
 
 def measure_discontinuities(

@@ -8,7 +8,10 @@ in one pose differ in light and skin, not in shape.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "drawing": ["PosedPicture", "draw_in_pose", "mix_pictures"],
+    "drawing": [
+        "PosedPicture", "change_in_pose", "draw_in_pose", "mix_pictures", "pose_cutout",
+        "second_shares",
+    ],
     "pose": ["Pose", "poses_from_features"],
     "shapes": ["PoseShapes"], "strip": ["PlacedBackbone"],
     "tail": ["TailParameters", "align_body_and_tail", "visible_tail_spread"],

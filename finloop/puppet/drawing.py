@@ -1,4 +1,9 @@
-"""Draw a film row in any pose, position, heading and size; blend two rows in one pose."""
+"""Draw a film row in any pose, position, heading and size; change from one to another in one pose.
+
+Two pictures in one pose differ in skin and outline: fins, the visible part of a tail. Mixed, both
+outlines would be seen half transparent, and a pattern and its mirror image at once: a ghost. So the
+skin changes from the tail to the head, and the outline at once, in the middle of the change.
+"""
 
 import cv2
 import numpy as np
@@ -12,6 +17,9 @@ from finloop.puppet.pose import Pose
 from finloop.puppet.strip import PlacedBackbone
 
 Premultiplied = NDArray[np.float32]
+_FRONT = 0.1  # of the body's length: over it the skin changes; wider, two patterns are seen at once
+_TINY = np.float32(1e-6)  # alpha that divides where nothing is
+_NOWHERE = np.empty((0, 0), np.float32)
 
 
 def draw_in_pose(
@@ -24,10 +32,8 @@ def draw_in_pose(
     that; size: its height and width, px. mirrored, sharp: as in `DrawingMode`. Drawn in its own
     pose at its own place it is the frame itself.
     """
-    source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
-    picture = PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
     height, width = size
-    return picture.draw_part((0, 0, height, width))
+    return pose_cutout(cutout, pose, target, mirrored, sharp).draw_part((0, 0, height, width))
 
 
 class PosedPicture:
@@ -51,15 +57,54 @@ class PosedPicture:
         self._plan = plan_strips(self._film, source, target, self._mode)
         self.box: tuple[int, int, int, int] = self._plan.box
 
-    def draw_part(self, box: tuple[int, int, int, int]) -> Premultiplied:
+    def draw_part(
+        self, box: tuple[int, int, int, int], along: NDArray[np.float32] = _NOWHERE
+    ) -> Premultiplied:
         """Return a rectangle of the new picture, (h, w, c), premultiplied, 0 … 1.
 
-        box: its rows and columns [px], half open: top, left, bottom, right.
+        box: its rows and columns [px], half open: top, left, bottom, right. along (h, w): becomes
+        the place along the body that each drawn pixel shows, 0 head … 1 tail; or empty.
         """
         top, left, bottom, right = box
         canvas = np.zeros((bottom - top, right - left, self._film.shape[2]), np.float32)
-        paint_strips(canvas, self._film, self._plan, self._mode, (top, left))
+        paint_strips(canvas, self._film, self._plan, self._mode, (top, left), along)
         return canvas
+
+
+def pose_cutout(
+    cutout: Cutout, pose: Pose, target: Pose, mirrored: bool, sharp: bool
+) -> PosedPicture:
+    """Return a cut-out prepared to be drawn in another pose; arguments as in `draw_in_pose`."""
+    source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
+    return PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
+
+
+def change_in_pose(
+    first: PosedPicture, second: PosedPicture, weight: float, box: tuple[int, int, int, int]
+) -> Premultiplied:
+    """Return a rectangle of what is between two pictures in one pose, without a double image.
+
+    weight: share of the second, 0 … 1, which the first replaces from the tail to the head; the
+    outline is that of the larger share. box: as in `PosedPicture.draw_part`, and so is the result.
+    """
+    top, left, bottom, right = box
+    along = np.zeros((bottom - top, right - left), np.float32)
+    new, old = (picture.draw_part(box, along) for picture in (first, second))
+    mixed = new + second_shares(along, weight)[..., None] * (old - new)
+    outline = old if weight > 0.5 else new
+    # Where the mixed skin does not reach to the outline, the picture that has the outline fills in.
+    alpha, mixed_alpha = outline[..., -1:], mixed[..., -1:]
+    most: Premultiplied = np.maximum(np.maximum(alpha, mixed_alpha), _TINY)
+    return mixed * (alpha / most) + outline * (1 - mixed_alpha / most)
+
+
+def second_shares(along: NDArray[np.float32], weight: float) -> NDArray[np.float32]:
+    """Return the share of the second picture's skin at places along the body (…), 0 head … 1 tail.
+
+    weight: as in `change_in_pose`. The first one comes in from the tail.
+    """
+    shares = ((1 + _FRONT) * np.float32(weight) - along) / np.float32(_FRONT)
+    return np.clip(shares, np.float32(0), np.float32(1))
 
 
 def mix_pictures(first: Premultiplied, second: Premultiplied, weight: float) -> Premultiplied:

@@ -13,6 +13,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_kernel, finite_leaf
 from finloop.base.sampling import keys_cubic_weights
 from finloop.puppet.strip import (
+    BEYOND,
     HIDDEN,
     LEAST,
     PlacedBackbone,
@@ -118,17 +119,18 @@ def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
 @finite_kernel
 def paint_strips(
     canvas: NDArray[np.float32], film: NDArray[np.float32], layout: StripLayout, mode: DrawingMode,
-    corner: tuple[int, int],
+    corner: tuple[int, int], along: NDArray[np.float32],
 ) -> None:  # fmt: skip
     """Draw a film's picture into a canvas along another backbone, by a plan of `plan_strips`.
 
     canvas: (H, W, c), zero, becomes 0 … 1; film: (h, w, c) 0 … 255; both premultiplied, alpha last.
     layout: the plan; mode: scale, side and filter; corner: row and column of the canvas's first
-    pixel. Where two parts of the body meet, the one with more alpha is visible.
+    pixel. Where two parts of the body meet, the one with more alpha is visible. along: (H, W),
+    becomes the place along the backbone that a drawn pixel shows, 0 head … 1 tail; or empty.
     """
     for i in range(len(layout.reach)):
         if layout.reach[i, 0] + layout.reach[i, 1] > 0:
-            _paint_step(canvas, film, layout, i, mode, corner)
+            _paint_step(canvas, film, layout, i, mode, corner, along)
 
 
 @finite_kernel
@@ -204,13 +206,14 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyped-def]
+def _paint_step(canvas, film, layout, i, mode, corner, along_body):  # type: ignore[no-untyped-def]
     """Draw the part of the animal along step i of its backbone into the canvas, in place.
 
     canvas: (H, W, c), 0 … 1; film: (h, w, c), 0 … 255; both premultiplied, alpha last. layout:
     `StripLayout`; mode: `DrawingMode`; corner: row and column of the canvas's first pixel in the
-    picture. For each pixel between the step's two sections: its place beside and along the new
-    backbone, the place of that in the film, and the film's colour there.
+    picture; along_body: as `along` of `paint_strips`. For each pixel between the step's two
+    sections: its place beside and along the new backbone, the place of that in the film, and the
+    film's colour there.
     """
     height, width, channels = canvas.shape
     front, rear = _section_at(layout.new_strip, i), _section_at(layout.new_strip, i + 1)
@@ -255,6 +258,9 @@ def _paint_step(canvas, film, layout, i, mode, corner):  # type: ignore[no-untyp
                     pixel[1] = green
                     pixel[2] = blue
                 pixel[channels - 1] = alpha
+                if along_body.size:
+                    steps = len(layout.reach) - 2 * BEYOND
+                    along_body[y - top_px, x - left_px] = (i - BEYOND + share) / steps
 
 
 @finite_kernel
@@ -449,7 +455,7 @@ def _distance_in_pose(film, row, other, mirrored, canvas):  # type: ignore[no-un
     # No literals: numba would compile all kernels of `paint_strips` again for them.
     corner = np.int64(0), np.int64(0)
     layout = plan_strips(partner, other_backbone, target_backbone, mode)
-    paint_strips(canvas, partner, layout, mode, corner)
+    paint_strips(canvas, partner, layout, mode, corner, np.empty((0, 0), np.float32))
     posed = as_filmed = 0.0
     for y in range(side):
         from_y = side - 1 - y if mirrored else y  # animals head right

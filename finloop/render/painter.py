@@ -11,7 +11,8 @@ to the second degree: a shift by a part of a pixel moves the mass centre by exac
 no shift at all changes nothing. Its overshoots are clipped: 0 ≤ colour ≤ alpha ≤ 255, so that no
 fringe shines at the outline and nothing overflows.
 
-The puppet draws a fish in another pose than the filmed one, its partner in the same pose. Of
+The puppet draws a fish in another pose than the filmed one, its partner in the same pose: then the
+partner's skin gives way from the tail on, its outline at once (`finloop.puppet.drawing`). Of
 several fish each is laid over those before it. Where it lies over one, its shadow falls on that
 one. U is its alpha, S the same blurred with the SD σ, Cₖ the alpha of a fish k below it: those keep
 
@@ -35,7 +36,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.base.sampling import keys_cubic_weights
-from finloop.puppet import PlacedBackbone, PosedPicture, mix_pictures
+from finloop.puppet import PlacedBackbone, PosedPicture, change_in_pose
 from finloop.render.living import LivingTank
 
 Image = NDArray[np.uint8]
@@ -437,14 +438,14 @@ def _draw_bent(
 ) -> Box:
     """Draw a bent picture on a canvas, which changes; return its box.
 
-    x_px, y_px: of the mass centre; other: fades in with the share `share`, 0 … 1.
+    x_px, y_px: of the mass centre; other: the picture that `fish` replaces, of which the share
+    `share`, 0 … 1, is left.
     """
     pictures = (fish, other) if share else (fish,)
     posed = [picture.pose_at(x_px, y_px) for picture in pictures]
     box = Box.enclose(Box(*picture.box) for picture in posed).clip_to(canvas.shape)
     if not box.is_empty:
-        drawn = [picture.draw_part(box) for picture in posed]
-        pixels = mix_pictures(*drawn, share) if share else drawn[0]
+        pixels = change_in_pose(*posed, share, box) if share else posed[0].draw_part(box)
         draw_pixels(canvas[box.slices], pixels)
     return box
 

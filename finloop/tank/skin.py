@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture, Reals
 from finloop.base.cutout import Cutout
+from finloop.puppet import second_shares
 from finloop.tank.body import build_surface_grid, limit_half_widths, top_view_points
 from finloop.tank.swim import FilmBodies
 
@@ -57,7 +58,8 @@ class FishSkins:
         self._load_cutout = load_cutout
         # Angles from the back, from below (π) over the left and the back to below again (−π).
         around = np.pi * (1 - 2 * (np.arange(AROUND) + 0.5) / AROUND)
-        along = (np.arange(LENGTHWISE) + 0.5) / LENGTHWISE
+        along = (np.arange(LENGTHWISE, dtype=np.float32) + 0.5) / LENGTHWISE
+        self._along = along
         self._grid = build_surface_grid(along, around, film.backbone.shape[1])
         below = np.clip((-np.cos(around) + 0.1) / 0.9, 0, 1)  # 0 on the back, 1 on the belly
         belly_share = _BELLY_SHARE * below * below * (3 - 2 * below)  # smooth at both ends
@@ -92,16 +94,16 @@ class FishSkins:
     def mix_skins(
         self, row: int, mirrored: bool, partner: int, partner_mirrored: bool, weight: float
     ) -> Picture:
-        """Return the cross-faded skins of two film rows, (AROUND, LENGTHWISE, 3) uint8.
+        """Return the skin between those of two film rows, (AROUND, LENGTHWISE, 3) uint8.
 
-        weight: share of the second row, `partner`, 0 … 1; mirrored, partner_mirrored: whether each
-        is mirrored.
+        weight: share of the second row, `partner`, 0 … 1, which the first replaces from the tail
+        on; mirrored, partner_mirrored: whether each is mirrored.
         """
         # A mirrored skin has the rows, which go around the body, in reverse order.
         skin = self.skin(row)[:: -1 if mirrored else 1]
         if weight > 0:
             partner_skin = self.skin(partner)[:: -1 if partner_mirrored else 1]
-            skin = skin + np.float32(weight) * (partner_skin - skin)
+            skin = skin + second_shares(self._along, weight)[:, None] * (partner_skin - skin)
         return np.rint(np.clip(skin, 0, 255)).astype(np.uint8)
 
 

@@ -5,6 +5,7 @@
 const PAD = 3;        // transparent px around a picture: what the cubic filter reads beyond it
 const TEXELS = 6;     // of a cross-section: `shaders.SWIM`
 const OVERLAP = 0.1;  // px of the screen by which the meshes of two steps overlap
+const FRONT = 0.1;    // of the body: over it the skin changes to another picture's (`puppet.drawing`)
 const SEAM = 1e-3;    // px by which the steps themselves do: rounding leaves no hole between them
 const STEP = 256;     // px by which the glass grows
 const MARGIN = 2;     // px around the mesh of a fish
@@ -35,7 +36,7 @@ class Drawer {
   }
 
   _programs() {
-    const grey = {GREY: Number(this.grey), PAD, SEAM, OVERLAP, STEPS: this.sections - 1};
+    const grey = {GREY: Number(this.grey), PAD, FRONT, BEYOND, SEAM, OVERLAP, STEPS: this.sections - 1};
     this.swims = [0, 1].map(WARPED => program(this.gl, SWIM, SKIN, {...grey, WARPED}));
     this.ground = program(this.gl, COVER, FLOOR, grey);
     this.last = program(this.gl, COVER, TABLE);

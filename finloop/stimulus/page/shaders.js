@@ -57,9 +57,10 @@ const SWIM = `
 uniform highp sampler2D strips;
 uniform vec3 view; uniform vec4 clip; uniform mat3 warp;
 flat out vec4 front, rear, ends, front0, rear0, ends0, front1, rear1, ends1;
-flat out vec4 slots, sizes, how, middle; flat out vec3 tint;
+flat out vec4 slots, sizes, how, middle; flat out vec3 tint; flat out float number;
 void main() {
   int step_ = gl_VertexID / 4, corner = gl_VertexID % 4, fish = step_ / STEPS;
+  number = float(step_ % STEPS - BEYOND);
   int a = step_ + 2 * fish, b = a + 1, facts = (fish + 1) * (STEPS + 2) - 1;
   slots = texelFetch(strips, ivec2(0, facts), 0); sizes = texelFetch(strips, ivec2(1, facts), 0);
   how = texelFetch(strips, ivec2(2, facts), 0); middle = texelFetch(strips, ivec2(3, facts), 0);
@@ -87,7 +88,7 @@ const SKIN = KEYS + `
 uniform sampler2DArray skins; uniform sampler2D ground;
 uniform ivec2 corner; uniform vec3 view; uniform float high; uniform mat3 back;
 flat in vec4 front, rear, ends, front0, rear0, ends0, front1, rear1, ends1;
-flat in vec4 slots, sizes, how, middle; flat in vec3 tint;
+flat in vec4 slots, sizes, how, middle; flat in vec3 tint; flat in float number;
 out vec4 colour;
 #if GREY
 #define SUM vec2
@@ -147,8 +148,13 @@ vec4 fish() {
   float t = far <= 0. ? o : sign(o) * (free + 2. * free * (1. - sqrt(1. - far)));
   vec3 strip = vec3(t, dot(away, vec2(section.w, -section.z)) * norm, share);
   vec4 seen = lifted(strip, middle.z, front0, rear0, ends0, sizes.xy, slots.x);
-  if (slots.z > 0.) seen = mix(seen, lifted(strip, middle.w, front1, rear1, ends1, sizes.zw, slots.y), slots.z);
-  return seen;
+  if (slots.z <= 0.) return seen;
+  // The partner's skin gives way from the tail on, its outline at once: no double image.
+  vec4 old = lifted(strip, middle.w, front1, rear1, ends1, sizes.zw, slots.y);
+  float left = clamp(((1. + FRONT) * slots.z - (number + share) / float(STEPS - 2 * BEYOND)) / FRONT, 0., 1.);
+  vec4 mixed = mix(seen, old, left), outline = slots.z > 0.5 ? old : seen;
+  float most = max(max(outline.a, mixed.a), 1e-6);
+  return mixed * (outline.a / most) + outline * (1. - mixed.a / most);
 }
 void main() {
   vec4 seen = how.x > 1.5 ? vec4(clamp((how.w - length(place())) * view.x + 0.5, 0., 1.)) : fish();
