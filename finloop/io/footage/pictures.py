@@ -320,10 +320,11 @@ def _count_parts(folder: Path, pictures: list[Path], camera: Floats, number: Flo
     """Return how many parts a film has, as s1_0, s1_1, …, s2_0, …; 0 if the names do not tell.
 
     FinloopError if the pictures are of several cameras. camera, number (n,): two numbers in the
-    name of each picture, in which the names differ; the one of fewer values is the camera's. They
-    are of several cameras if nearly all numbers occur with every camera, and count by ones, unless
-    each camera goes on where the one before ends: then the first number is a second or a part of
-    the film. Times of day, such as 59_960, 60_000, also have two numbers, but do not count so.
+    name of each picture, in which the names differ; the one of fewer values is the camera's.
+    Pictures are of several cameras if nearly all numbers occur with every camera, and count by
+    ones, unless each camera goes on where the one before ends: then the first number is a second or
+    a part of the film. Times of day, such as 59_960, 60_000, also have two numbers, but do not
+    count so.
     """
     if len(np.unique(camera)) > len(np.unique(number)):
         camera, number = number, camera
