@@ -108,7 +108,8 @@ def _end_with_command(connection: socket.socket) -> None:
 def main() -> None:
     """Serve the present folder; in a forked child, run a module as `python -m` does.
 
-    The child sends the exit status to its command, and closes the connection when it ends.
+    The child sends its command a byte when it begins, then the exit status, and closes the
+    connection when it ends.
     """
     die_with_parent()
     gc.disable()
@@ -118,6 +119,8 @@ def main() -> None:
     connection.settimeout(None)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # else it learns no status of its own children
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    with suppress(OSError):  # its command has ended
+        connection.send(b"\n")  # the module begins
     Thread(target=_end_with_command, args=(connection,), daemon=True).start()
     status: object = 1
     try:

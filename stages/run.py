@@ -71,13 +71,16 @@ def _hand_over() -> None:
     with socket.socket(socket.AF_UNIX) as server:
         try:
             server.connect(str(STAGE_SOCKET))
-        except OSError:  # a killed sweep has left the socket
-            return
-        die_with_parent()
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the module's process, too
-        with contextlib.suppress(OSError):
+            die_with_parent()
+            signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C: no traceback
             socket.send_fds(server, [b"\n"], [0, 1, 2])
             server.sendall(f"{command}\n".encode())
+            if not server.recv(1):  # the server has ended, and the module has not begun
+                return
+        except OSError:  # a killed sweep has left the socket
+            return
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # from now on the module's process handles it
+        with contextlib.suppress(OSError):
             while received := server.recv(1):  # closed when the process of the module has ended
                 status = received
     if not status:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import venv
@@ -51,13 +52,18 @@ def folder(tmp_path_factory):
     assert not (folder / STAGE_SOCKET).exists()
 
 
-def start(folder: Path, code: str) -> tuple[subprocess.Popen[str], int, str]:
-    """Start the module with this code; return the command, the process that runs it, a line."""
-    command = subprocess.Popen(
+def open_command(folder: Path, code: str) -> subprocess.Popen[str]:
+    """Start the module with this code."""
+    return subprocess.Popen(
         [sys.executable, "-m", "words.speaker", code], cwd=folder, text=True,
         env=os.environ | {"PYTHONPATH": str(ROOT), "WORD": "sunfish"},
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
+
+
+def start(folder: Path, code: str) -> tuple[subprocess.Popen[str], int, str]:
+    """Start the module with this code; return the command, the process that runs it, a line."""
+    command = open_command(folder, code)
     assert command.stdout is not None
     pid, _, line = command.stdout.readline().partition(" ")
     return command, int(pid), line
@@ -88,6 +94,34 @@ def test_ctrl_c_ends_a_forked_stage_as_it_ends_one_alone(folder):
         os.kill(process, signal.SIGINT)
     assert "interrupted" in command.communicate()[1]
     assert command.returncode == 130
+
+
+@pytest.fixture
+def unready(tmp_path):
+    """A server of `tmp_path` that takes commands and does not begin them: it still imports."""
+    write_module(tmp_path)
+    (tmp_path / STAGE_SOCKET).parent.mkdir(parents=True)
+    with socket.socket(socket.AF_UNIX) as server, pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path)  # a socket's path must be short
+        server.bind(str(STAGE_SOCKET))
+        server.listen()
+        yield server
+
+
+def test_ctrl_c_ends_a_command_that_waits_for_its_server(unready, tmp_path):
+    command = open_command(tmp_path, "pass")
+    with unready.accept()[0] as connection:
+        connection.recv(1)  # it waits from now on
+        command.send_signal(signal.SIGINT)
+        assert command.communicate() == ("", "")
+    assert command.returncode == -signal.SIGINT
+
+
+def test_a_stage_starts_alone_if_its_server_ends_before_it_begins(unready, tmp_path):
+    command = open_command(tmp_path, "pass")
+    unready.accept()[0].close()
+    assert command.communicate()[0].startswith(f"{command.pid} ")
+    assert command.returncode == 0
 
 
 def test_another_python_starts_a_stage_alone(folder, tmp_path):
