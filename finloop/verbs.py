@@ -279,7 +279,7 @@ def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.Da
     """
     p, facts = settings("gateways", **changes), similar.facts
     rows = find_map_rows(reel.features, similar.steps)
-    distances = measure_sprite_distances(reel, rows, facts.size, facts.pose)
+    distances = measure_sprite_distances(reel, rows, facts.size, facts.frame_of_reference)
     gateways = list_gateways(distances, reel.sprites, reel.features, facts.step_median, p)
     return apply_schema(gateways, GATEWAYS)
 

@@ -62,7 +62,7 @@ def main() -> None:
         rows = find_map_rows(features, project.step_distances)
         with report_progress("gateways", len(rows)) as advance:
             distances = measure_sprite_distances(
-                project.reel, rows, facts.size, facts.pose, advance
+                project.reel, rows, facts.size, facts.frame_of_reference, advance
             )
         found = list_gateways(distances, sprites, features, step, settings)
         nearest = list_gateways(

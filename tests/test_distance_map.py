@@ -267,7 +267,7 @@ def test_the_stage_keeps_what_eq_6_says(workspace, pose, keep, threshold):
     assert np.isnan(steps["step"].iloc[-1])
     filmed = brute(film(workspace, FILM, 24)[1]).diagonal(1)
     assert steps["as_filmed"].to_numpy()[:-1] == pytest.approx(filmed, abs=EXACT)
-    assert (facts.pose, facts.size, facts.area_threshold) == (pose, 24, threshold)
+    assert (facts.frame_of_reference, facts.size, facts.area_threshold) == (pose, 24, threshold)
     assert facts.step_median == pytest.approx(np.median(true.diagonal(1)), abs=EXACT)
     assert metrics["pairs"] == len(features) * (len(features) - 1) // 2
     assert metrics["pairs_kept"] == len(pairs) <= metrics["pairs_computed"]

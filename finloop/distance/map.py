@@ -61,12 +61,12 @@ the next frame, without turning the fish.
 class MapFacts:
     """How a map of picture distances was made, and its unit: the film's median step.
 
-    pose: the frame of reference, FILM or BODY; size: px, side of the pictures; keep: largest
-    distance stored, in median steps, None: all pairs that Eq. 6 compares; step_median, step_p95:
-    distances (Eq. 5) between successive pictures.
+    frame_of_reference: FILM or BODY; size: px, side of the pictures; keep: largest distance stored,
+    in median steps, None: all pairs that Eq. 6 compares; step_median, step_p95: distances (Eq. 5)
+    between successive pictures.
     """
 
-    pose: str
+    frame_of_reference: str
     size: int
     area_threshold: float
     keep: float | None

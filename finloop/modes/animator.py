@@ -198,7 +198,7 @@ def video_loop_graph(assets: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
     if len(loops):
         jumps = loop_jumps(build_loop_graph(loops, track), n, map_facts.step_median)
     return motion_graph(
-        features, jumps, assets.world.motion, map_facts.pose, assets.scaled.barred,
+        features, jumps, assets.world.motion, map_facts.frame_of_reference, assets.scaled.barred,
         rarity_sum=np.zeros(n),
     )  # fmt: skip
 

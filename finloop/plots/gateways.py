@@ -42,7 +42,7 @@ def gateway_pictures(
 
         orientation: in which they are drawn.
         """
-        return draw_sprites_and_next(reel, TILE, facts.pose, orientation)
+        return draw_sprites_and_next(reel, TILE, facts.frame_of_reference, orientation)
 
     for gateway in spread_table_rows(by_distance, most).itertuples():
         sprite, row = reel.sprites.iloc[gateway.sprite], reel.features.iloc[gateway.row]
@@ -52,7 +52,7 @@ def gateway_pictures(
         inward = gateway.direction == IN
         # On the way out the film's next frame is drawn, too; on the way in it is not used.
         rows = np.array([gateway.row, gateway.row + (not inward)])
-        frame, after_frame = reel.draw_rows(rows, TILE, facts.pose)
+        frame, after_frame = reel.draw_rows(rows, TILE, facts.frame_of_reference)
         sprite_name = f"{sprite['sequence']} {sprite['step']} "
         sprite_name += f"({sprite['track_id']}:{sprite['frame']})"
         frame_name = f"film {row['track_id']:.0f}:{row['frame']:.0f}"

@@ -148,7 +148,7 @@ def loop_pictures(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[
     for loop in loops.itertuples():
         before = loop.a - 1 if loop.a and track[loop.a - 1] == track[loop.a] else loop.a
         rows = np.array([before, loop.a, loop.b])
-        last, natural, instead = reel.draw_rows(rows, SIZE_PX, facts.pose)
+        last, natural, instead = reel.draw_rows(rows, SIZE_PX, facts.frame_of_reference)
         places = " → ".join(f"{track[row]}:{frame[row]}" for row in (before, loop.b))
         words = (
             f"track:frame {places}: seam {loop.distance / facts.step_median:.2f} steps, "

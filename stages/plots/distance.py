@@ -21,10 +21,11 @@ def main() -> None:
     with Project() as project:
         facts, features = project.map_facts, project.features
         rows = rows_of_longest_tracks(features, p.picture_frames)
-        pictures = project.film_reel.draw_rows(rows, facts.size, facts.pose)
+        pictures = project.film_reel.draw_rows(rows, facts.size, facts.frame_of_reference)
         distance = full_distance_map(subtract_mean_picture(pictures))
     features = features.iloc[rows]
-    kinds, area = find_frame_kinds(features, facts.pose), features["motion_area_rel"].to_numpy()
+    kinds = find_frame_kinds(features, facts.frame_of_reference)
+    area = features["motion_area_rel"].to_numpy()
     compared = find_comparable_pairs(kinds, area, p.motion_area_threshold)
     figure = figure9(distance, compared, features["track_id"].to_numpy(), facts.step_median)
     save_figure(Path("reports/motion/distance/fig9.png"), figure)

@@ -51,7 +51,7 @@ def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figur
         why = "Fig. 10: no track has four loops between whose ends there are three ways as in the "
         yield "fig10", draw_message(f"{why}paper.")
     else:
-        yield "fig10", figure10(routes, reel, facts.pose, facts.step_median)
+        yield "fig10", figure10(routes, reel, facts.frame_of_reference, facts.step_median)
     ends = choose_table_ends(graph.ends, track)
     yield "fig11", draw.figure11(position_table(ends, features), ends, features)
     gap = least_loop_frames(infer_delta_frames(features), p)
@@ -88,4 +88,4 @@ def _draw_improper(project: Project, p: LoopsSettings) -> Figure:
         f"(a loop: {p.improper_angle_deg:g}° at most). "
         f"{counts['improper_dropped']} of {counts['minima']} similar pairs are improper"
     )
-    return figure13(loop, reel, facts.pose, project.background, caption)
+    return figure13(loop, reel, facts.frame_of_reference, project.background, caption)
