@@ -200,7 +200,7 @@ def test_a_file_that_is_none_is_refused(tmp_path, text, said):
 # --- the program
 
 
-RENDER = RenderSettings("matching", False, 20, 0.0, 64, 0.0, 80, 0.0)
+RENDER = RenderSettings("matching", "still", False, 20, 0.0, 64, 0.0, 0.0)
 RATE = 10
 
 
