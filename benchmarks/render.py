@@ -27,6 +27,7 @@ from finloop.io.video import THREADS
 from finloop.pose import compute_film_poses
 from finloop.project import Project
 from finloop.render.gallery import CutoutSet, Gallery
+from finloop.render.living import LivingTank
 from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, PlacedFish
 
@@ -82,13 +83,15 @@ def ways_to_draw(
     cross_faded_and_bent = [swim_in_circle(gallery, bodies, True, seed, True) for seed in range(8)]
     fading = swim_in_circle(gallery, bodies, fades=True)
     bent = swim_in_circle(gallery, bodies, bends=True)
-    painter = Painter(background)
+    rng = np.random.default_rng(0)
+    pictures = [rng.integers(0, 256, background.shape, np.uint8) for _ in range(24)]
+    light = 1 + 0.02 * np.sin(np.arange(TICKS))
+    still, living = Painter(background), Painter(background, tank=LivingTank(pictures))
+    lit = Painter(background, tank=LivingTank(pictures, light))
 
-    def draw(fish: list[list[PlacedFish]]) -> None:
-        for tick in zip(*fish, strict=True):
-            painter.wipe()
-            for placed in tick:
-                painter.draw(*placed)
+    def draw(fish: list[list[PlacedFish]], painter: Painter = still) -> None:
+        for tick, all_fish in enumerate(zip(*fish, strict=True)):
+            painter.show(*all_fish, tick=tick)
 
     def render_with_marks() -> None:
         with_marks = Painter(background, colour=True)
@@ -103,8 +106,11 @@ def ways_to_draw(
         "one fish, cross-faded": lambda: draw([fading]),
         "one fish, in another pose": lambda: draw([bent]),
         "one fish, joined": lambda: draw(cross_faded_and_bent[:1]),
+        "one fish, living tank": lambda: draw(school[:1], living),
+        "one fish, living tank in the film's light": lambda: draw(school[:1], lit),
         "one fish, with marks": render_with_marks,
         "eight fish": lambda: draw(school),
+        "eight fish, living tank": lambda: draw(school, living),
         "eight fish, all joined": lambda: draw(cross_faded_and_bent),
     }
 

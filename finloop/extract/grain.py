@@ -32,11 +32,13 @@ class TankPictures(NamedTuple):
     """The empty tank in successive pictures, (k, h, w[, 3]) uint8; k = 0 if there are none.
 
     grain_grey: SD over time of a pixel of the tank, the root mean square of all, in grey levels;
-    lack: why there are no pictures, "" if there are.
+    covered (h, w): where an animal passed, and was replaced; lack: why there are no pictures, "" if
+    there are.
     """
 
     pictures: Pictures
     grain_grey: float
+    covered: NDArray[np.bool_]
     lack: str = ""
 
 
@@ -88,12 +90,13 @@ def empty_tank_pictures(
     grain_grey = float(np.sqrt(sample.var(axis=0).mean())) if sample.size else 0.0
     if grain_grey < _LEAST_GREY:
         return _no_pictures(background, f"it has no grain ({grain_grey:.2f} grey levels)")
-    return TankPictures(pictures, grain_grey)
+    return TankPictures(pictures, grain_grey, np.asarray(covered.any(axis=0)))
 
 
 def _no_pictures(background: Picture, lack: str) -> TankPictures:
     """Return the result for a film that shows no grain; lack: why."""
-    return TankPictures(np.empty((0, *background.shape), np.uint8), 0.0, lack)
+    shape = background.shape
+    return TankPictures(np.empty((0, *shape), np.uint8), 0.0, np.zeros(shape[:2], bool), lack)
 
 
 def _even_light(frame: Picture, background: Picture, covered: NDArray[np.bool_] | None) -> Picture:
