@@ -24,6 +24,7 @@ from finloop.social.walls import Walls
 
 ANIMATE, OUT, REPORT = Path("data/animate"), Path("data/animate/beside"), Path("reports/animate")
 ENOUGH_REACHED_PCT = 90.0  # a mode that reaches fewer goals becomes a finding
+MOST_GHOSTS_PCT = 0.5  # of the ticks: the film itself changes so much in as many frames
 
 
 def _list_animated_modes() -> list[str]:
@@ -89,7 +90,8 @@ def find_doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
     """Return a table of the modes' doubtful results: columns mode (its title), doubt (a sentence).
 
     numbers: mode → measures by name, of the modes that have an animation. Doubtful are a mode
-    without an animation, one that misses many of its random goals, and a hybrid without film.
+    without an animation, one that misses many of its random goals, one with double images, and a
+    hybrid without film.
     """
     rows: list[tuple[str, str]] = []
     for mode, facts in MODES.items():
@@ -101,6 +103,11 @@ def find_doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
         reached = numbers[mode].get("trials_goals_reached_pct", 100.0)
         if reached < ENOUGH_REACHED_PCT:
             rows.append((facts.title, f"reaches only {reached:.0f} % of its random goals"))
+        ghosts = numbers[mode].get("ghosts_pct", 0.0)
+        if ghosts > MOST_GHOSTS_PCT:
+            reason = f"shows a double image in {ghosts:.1f} % of its ticks: as the paper does, it "
+            remedy = f"mixes pictures of unlike poses; {mode}.join=inertial bends both into one"
+            rows.append((facts.title, reason + remedy))
         if not numbers[mode].get("trials_film_pct", 100.0) and mode == "hybrid":
             reason = "never shows the film: too few gateways lead there and back; "
             rows.append((facts.title, reason + "raise gateways.distance_threshold"))

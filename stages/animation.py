@@ -12,6 +12,7 @@ import pandas as pd
 
 from finloop.animate import encounters, measures
 from finloop.base.parallel import Workers, ordered_map
+from finloop.edit.ghosts import measure_ghosts, tank_colour
 from finloop.edit.measures import (
     average_measures,
     discontinuity_measures,
@@ -115,6 +116,8 @@ def _save_animation(
     for fish_edit, fish_goals in zip(fish_edits, animator.goals_by_fish(goals), strict=True):
         numbers = measures.measure_without_pictures(fish_edit, fish_goals, player, film_motion)
         numbers |= measure_pictures(fish_edit, animator, steps, project.rate_hz)
+        ghosts = measure_ghosts(fish_edit, animator.pictures, tank_colour(project.background))
+        numbers["ghosts_pct"] = 100 * float(ghosts.is_ghost.sum()) / len(fish_edit)
         fish_measures.append(numbers)
     numbers = average_measures(fish_measures)
     if save_more:

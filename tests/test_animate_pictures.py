@@ -13,6 +13,8 @@ from finloop.base.settings import settings
 from finloop.distance.picture import SPAN, all_distances, draw_centred_cutout
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
+from finloop.edit.ghosts import LOOKS, measure_ghosts, tank_colour
+from finloop.edit.modes import MODES
 from finloop.edit.pictures import (
     Pictures,
     draw_edit_list,
@@ -25,6 +27,7 @@ from finloop.features.table import find_orientations, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.pose import FilmPoses, compute_film_poses
 from finloop.sprites.orient import sprite_outlines
+from stages.animate import find_doubts
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -338,6 +341,45 @@ def test_what_is_unlike_does_not_fade_and_what_is_alike_does(pictures):
     pd.testing.assert_frame_equal(clean[same], edit[same])
     assert list(remove_ghost_fades(edit, pictures, 1e9)["weight"]) == list(edit["weight"])
     assert not remove_ghost_fades(edit, pictures, 0.0)["weight"].any()
+
+
+GROUND = tank_colour(np.full((4, 5), 204, np.uint8))
+
+
+def ghosts_of(edit: pd.DataFrame, shown: Pictures) -> list[str]:
+    """What makes a ghost of the cross-faded tick, by name."""
+    ghosts = measure_ghosts(edit.assign(tick=range(len(edit))), shown, GROUND)
+    assert list(ghosts.tick) == [1]
+    return [name for name, far in zip(LOOKS, (ghosts.beyond > ghosts.limit)[0], strict=True) if far]
+
+
+def test_a_double_image_is_a_ghost_and_a_picture_mixed_with_itself_is_none(pictures):
+    plain = edit_of(pictures, *((FRAME, row, 0.0) for row in (1, 2, 2)))
+    crossed = edit_of(pictures, (FRAME, 2, 90.0)).loc[0]
+    for weight in (0.3, 0.7):
+        assert not ghosts_of(add_fade(plain, 1, plain.loc[2], weight), pictures)
+        found = ghosts_of(add_fade(plain, 1, crossed, weight), pictures)
+        assert {"area", "contrast", "half_transparent"} <= {*found}
+
+
+def test_unlike_outlines_are_a_ghost_as_they_are_and_none_in_one_pose(tmp_path):
+    tracks = [[(20.0 * i, wide) for i in range(6)] for wide in (1 / 4, 2 / 3)]
+    table = film_of(tmp_path, *tracks)
+    with open_reel(tmp_path, table, sprites_of(tmp_path, table, [0])) as reel:
+        shown = Pictures(reel, SIZE, Bodies(poses_of(table), reel.has_next_frame, reel.sprites))
+        plain = edit_of(shown, *((FRAME, row, 0.0) for row in (1, 2, 8)))
+        for weight in (0.3, 0.7):
+            edit = add_fade(plain, 1, plain.loc[2], weight)
+            assert "half_transparent" in ghosts_of(edit, shown)
+            assert not ghosts_of(in_own_pose(edit, shown), shown)
+
+
+def test_a_mode_with_double_images_becomes_a_finding():
+    numbers = {mode: {"ghosts_pct": 0.4, "trials_film_pct": 9.0} for mode in MODES}
+    assert find_doubts(numbers).empty
+    numbers["network"]["ghosts_pct"] = 2.2
+    doubts = find_doubts(numbers)
+    assert list(doubts["mode"]) == ["Network"] and "2.2 %" in doubts["doubt"][0]
 
 
 def test_a_ghost_once_gone_does_not_come_back(pictures):

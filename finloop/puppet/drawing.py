@@ -103,7 +103,8 @@ def second_shares(along: NDArray[np.float32], weight: float) -> NDArray[np.float
 
     weight: as in `change_in_pose`. The first one comes in from the tail.
     """
-    shares = ((1 + _FRONT) * np.float32(weight) - along) / np.float32(_FRONT)
+    on_body = np.clip(along, np.float32(0), np.float32(1))
+    shares = ((1 + _FRONT) * np.float32(weight) - on_body) / np.float32(_FRONT)
     return np.clip(shares, np.float32(0), np.float32(1))
 
 

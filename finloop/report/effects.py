@@ -31,6 +31,7 @@ _OTHER_DIRECTIONS = {
     "film_pct": HIGHER,
     "longest_exact_repeat_s": LOWER,
     "stuck_pct": LOWER,
+    "ghosts_pct": LOWER,
     "turn_area_missed_median": LOWER,
 }
 """Endings of measures of `animate` that neither HEADLINES nor MEASURES give a direction."""

@@ -151,7 +151,7 @@ vec4 fish() {
   if (slots.z <= 0.) return seen;
   // The partner's skin gives way from the tail on, its outline at once: no double image.
   vec4 old = lifted(strip, middle.w, front1, rear1, ends1, sizes.zw, slots.y);
-  float left = clamp(((1. + FRONT) * slots.z - (number + share) / float(STEPS - 2 * BEYOND)) / FRONT, 0., 1.);
+  float left = clamp(((1. + FRONT) * slots.z - clamp((number + share) / float(STEPS - 2 * BEYOND), 0., 1.)) / FRONT, 0., 1.);
   vec4 mixed = mix(seen, old, left), outline = slots.z > 0.5 ? old : seen;
   float most = max(max(outline.a, mixed.a), 1e-6);
   return mixed * (outline.a / most) + outline * (1. - mixed.a / most);
