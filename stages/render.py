@@ -16,7 +16,6 @@ from finloop.io.table import load_table
 from finloop.project import PLACES, Project
 from finloop.render.beside import CAPTION_PX, draw_side_by_side, longest_tracks_edit_list
 from finloop.render.gallery import Gallery, fish_by_tick
-from finloop.render.living import LivingTank
 from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import RenderSettings
@@ -33,48 +32,33 @@ def _save_films(
     """Write all films of an edit list; return how much each frame differs from the one before.
 
     They are an MP4 and, if desired, one with goals and path, a short WebP, and modes.mp4, which
-    shows all modes side by side. The WebP and the differences are those of fish over a still tank:
-    grain would make a WebP many times as large. advance: reports progress.
+    shows all modes side by side. The film with marks, the WebP and the differences are of fish over
+    a still tank: grain would make files many times as large. advance: reports progress.
     """
     all_fish, ticks = fish_by_tick(edit, gallery), edit["tick"].nunique()
-    rate, background, tank = (
-        project.facts.frame_rate,
-        project.background,
-        project.living_tank(p.tank),
-    )
+    rate, background = project.facts.frame_rate, project.background
+    tank = project.living_tank(p.tank)
     still, changes = Painter(background, shadow=shadow), list[float]()
     meter = FrameChangeMeter(still)
     clean = Painter(background, shadow=shadow, tank=tank)
-    marks, marked_still = list[MarkPainter](), still
-
-    def marked_painter(living: LivingTank | None) -> Painter:
-        """Return a painter that also draws marks, over a still or a living tank."""
-        painter = Painter(background, colour=True, shadow=shadow, tank=living)
-        marks.append(MarkPainter(painter, edit, project.goals(p.mode)))
-        return painter
-
+    marked = Painter(background, colour=True, shadow=shadow) if p.marked_film else still
     with whole_folder(OUT) as folder, ExitStack() as stack:
         mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
         outputs: list[tuple[FilmWriter, Painter, int]] = [(mp4, clean, ticks)]
-        webp_ticks = round(p.webp_seconds * rate)
         if p.marked_film:
-            marked = marked_still = marked_painter(tank)
-            if tank is not None and webp_ticks:
-                marked_still = marked_painter(None)
+            marks = MarkPainter(marked, edit, project.goals(p.mode))
             mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", marked.frame.shape, rate, p.crf)
             outputs.append((mp4, marked, ticks))
-        if webp_ticks:
-            coding = marked_still.frame.shape, rate, p.webp_width_px, p.webp_quality
-            outputs.append(
-                (WebpWriter(folder / f"{p.mode}.webp", *coding), marked_still, webp_ticks)
-            )
+        if webp_ticks := round(p.webp_seconds * rate):
+            coding = marked.frame.shape, rate, p.webp_width_px, p.webp_quality
+            outputs.append((WebpWriter(folder / f"{p.mode}.webp", *coding), marked, webp_ticks))
         for writer, _, _ in outputs:
             stack.enter_context(writer)
         for tick, fish in enumerate(all_fish):
             changes.append(meter.measure_change(still.show(*fish)))
             clean.show(*fish, tick=tick)
-            for mark_painter in marks:
-                mark_painter.show(tick, *fish)
+            if p.marked_film:
+                marks.show(tick, *fish)
             for writer, painter, ticks_to_write in outputs:
                 if tick < ticks_to_write:
                     writer.write(painter.frame)

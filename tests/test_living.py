@@ -9,7 +9,7 @@ import pytest
 
 from finloop.extract.grain import choose_spans, empty_tank_pictures
 from finloop.render.living import LivingTank
-from finloop.render.painter import Box, Painter, PlacedFish, TurnedPicture, pad_picture
+from finloop.render.painter import Painter, PlacedFish, TurnedPicture, pad_picture
 from finloop.tank.camera import TankSize
 from finloop.tank.light import LitFloor
 
@@ -182,18 +182,6 @@ def test_the_films_light_falls_on_tank_and_fish():
         still.show(fish_at(50, 50))
         expected = np.clip(still.frame * tank.light_at(tick), 0, 255)
         assert np.abs(painter.frame - expected).max() <= 0.5 + 1e-6
-
-
-def test_what_is_drawn_on_the_floor_lies_on_the_tank_of_every_tick():
-    pictures = noise_pictures()
-    tank = LivingTank(pictures)
-    painter = Painter(pictures[0], tank=tank)
-    painter.floor[5:8, 5:9] = 255
-    painter.mark_floor_drawn(Box(2, 2, 12, 12))
-    for tick in range(1, 5):
-        painter.show(fish_at(35, 25), tick=tick)
-        assert (painter.frame[5:8, 5:9] == 255).all()
-        assert (painter.frame[:5] == tank.picture_at(tick)[:5]).all()  # around it the tank lives
 
 
 def test_the_floor_in_three_dimensions_lives_as_the_tank_does():

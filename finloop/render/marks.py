@@ -170,7 +170,7 @@ class MarkPainter:
     def show(self, tick: int, *fish: PlacedFish) -> None:
         """Draw the fish and all marks of a tick; ticks must come in order, since paths grow."""
         self._draw_floor(tick)
-        self._painter.show(*fish, tick=tick)
+        self._painter.show(*fish)
         self._draw_caption(tick)
 
     def _draw_floor(self, tick: int) -> None:
@@ -246,7 +246,7 @@ class MarkPainter:
         left, top = np.floor(points.min(axis=0) - reach).astype(int)
         right, bottom = np.ceil(points.max(axis=0) + reach).astype(int) + 1
         box = Box(int(top), int(left), int(bottom), int(right))
-        self._painter.mark_floor_drawn(box.clip_to(self._painter.canvas.shape))
+        self._painter.mark_changed(box.clip_to(self._painter.canvas.shape))
 
 
 def _faint_colour(floor: NDArray[np.uint8]) -> tuple[int, int, int]:

@@ -218,8 +218,8 @@ class Painter:
     """A canvas on which fish are drawn tick after tick; it restores only what was drawn on.
 
     floor: (H, W, 1 or 3) uint8, the canvas without fish; callers that draw on it report where with
-    `mark_floor_drawn`. canvas: the floor with fish. A living tank shows another floor, and another
-    light, at every tick; what callers drew on the floor lies on all of them.
+    `mark_changed`. canvas: the floor with fish; that of a living tank has another floor, and
+    another light, at every tick.
     """
 
     def __init__(
@@ -236,8 +236,6 @@ class Painter:
         self.floor = np.array(floor, order="C")
         self.canvas = self.floor.copy()
         self._shadow, self._touched, self._tank = shadow, list[Box](), tank
-        self._empty_floor = self.floor if tank is None else self.floor.copy()
-        self._drawn: Image | None = None  # (H, W), not 0 where the floor is drawn on
 
     @property
     def frame(self) -> Image:
@@ -248,15 +246,6 @@ class Painter:
         """Note that a box of the canvas is drawn on, so that `wipe` restores it."""
         if not box.is_empty:
             self._touched.append(box)
-
-    def mark_floor_drawn(self, box: Box) -> None:
-        """Note that a box of the floor is drawn on: it lies on the tank of every tick."""
-        if self._tank is not None and not box.is_empty:
-            if self._drawn is None:
-                self._drawn = np.zeros(self.floor.shape[:2], np.uint8)
-            change = self.floor[box.slices] != self._empty_floor[box.slices]
-            self._drawn[box.slices] = change.any(axis=2)
-        self.mark_changed(box)
 
     def wipe(self, tick: int = 0) -> None:
         """Restore the floor wherever the canvas was changed; a living tank shows that of a tick."""
@@ -269,8 +258,6 @@ class Painter:
                 cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB, dst=self.canvas)
             else:
                 np.copyto(self.canvas, picture.reshape(self.canvas.shape))
-            if self._drawn is not None:
-                cv2.copyTo(self.floor, self._drawn, self.canvas)
         self._touched.clear()
 
     def show(self, *fish: PlacedFish, tick: int = 0) -> Box:
