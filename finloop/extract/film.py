@@ -129,7 +129,10 @@ class Detector:
             verdict = judge_silhouette(silhouette, self.typical, settings)
             fish = None
             if verdict == "fish":
-                fish = measure_fish(silhouette, frame, scene, settings.points, self.typical.limbs)
+                fish = measure_fish(
+                    silhouette, frame, scene, settings.points, self.typical.limbs,
+                    self.typical.edge_px,
+                )  # fmt: skip
             result.verdicts.append(verdict)
             result.spots.append(_silhouette_place(silhouette, fish, bool(settings.tracks_path)))
             result.fish.append(fish)

@@ -85,8 +85,8 @@ def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-d
                 result[v, u] = opacity[field[y + v, x + u]]
     for v in range(h):
         for u in range(w):
-            if alpha[v, u]:
-                result[top - y + v, left - x + u] = alpha[v, u]
+            fin = result[top - y + v, left - x + u]
+            result[top - y + v, left - x + u] = max(alpha[v, u], fin)  # no gap where a fin begins
     return result, x, y
 
 

@@ -30,6 +30,7 @@ from finloop.extract.backbone import (
 )
 from finloop.extract.background import Scene, difference_image
 from finloop.extract.fins import Fins, PalePixels, add_fins_to_alpha
+from finloop.extract.matte import one_piece, soft_edge
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
@@ -288,13 +289,15 @@ def edge_pixels(silhouette: Silhouette) -> Edge:
 
 
 def measure_fish(
-    silhouette: Silhouette, frame: Picture, scene: Scene, points: int, limbs: bool = False
-) -> SegmentedFish | None:
+    silhouette: Silhouette, frame: Picture, scene: Scene, points: int, limbs: bool = False,
+    edge_px: float = 3.0,
+) -> SegmentedFish | None:  # fmt: skip
     """Return a silhouette's backbone, outline and cut-out; None if it has no backbone.
 
     frame, scene: those in which it was found; points: number of backbone points; limbs: whether the
-    animal has limbs, which are no part of the backbone. The fins are only in the cut-out (pixels
-    with alpha), not in the outline or the area.
+    animal has limbs, which are no part of the backbone; edge_px: how wide outlines are in the film.
+    The fins, and the softer edge of `matte`, are only in the cut-out (pixels with alpha), not in
+    the outline or the area.
     """
     mask, field = silhouette.mask, silhouette.field
     backbone = trace_backbone(mask, field, points, scene.threshold, limbs)
@@ -304,12 +307,17 @@ def measure_fish(
     moments = cv2.moments(alpha)
     x0, y0 = silhouette.x0, silhouette.y0
     corner = np.array([x0, y0])
-    alpha_with_fins, (left, top) = alpha, (x0, y0)
+    window = np.s_[y0 : y0 + mask.shape[0], x0 : x0 + mask.shape[1]]
+    film, tank, levels = (
+        frame[window],
+        scene.background[window],
+        (silhouette.contrast, scene.threshold),
+    )
+    shown, (left, top) = soft_edge(mask, field, film, tank, *levels, edge_px), (x0, y0)
     if silhouette.pale is not None:
-        levels = silhouette.contrast, scene.threshold
-        alpha_with_fins, (left, top) = add_fins_to_alpha(alpha, (x0, y0), silhouette.pale, levels)
-    h, w = alpha_with_fins.shape
-    window = np.s_[top : top + h, left : left + w]
+        shown, (left, top) = add_fins_to_alpha(shown, (x0, y0), silhouette.pale, levels)
+    shown = one_piece(shown, mask, (x0 - left, y0 - top))
+    window = np.s_[top : top + shown.shape[0], left : left + shown.shape[1]]
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     return SegmentedFish(
@@ -321,9 +329,7 @@ def measure_fish(
         outline_px=refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS) + corner,
         x0=left,
         y0=top,
-        cutout=premultiply_cutout(
-            frame[window], scene.background[window], alpha_with_fins, scene.gains
-        ),
+        cutout=premultiply_cutout(frame[window], scene.background[window], shown, scene.gains),
     )
 
 
@@ -338,15 +344,17 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     """
     height, width = mask.shape
     alpha = np.zeros((height, width), np.uint8)
-    count_in_column = np.zeros((height, width + 2), np.uint8)  # fish pixels in rows y - 1 ... y + 1
+    near = np.zeros((height + 2, width + 2), np.uint8)  # the mask, beyond its edges as at them
+    near[1:-1, 1:-1] = mask
+    near[0], near[-1] = near[1], near[-2]
+    near[:, 0], near[:, -1] = near[:, 1], near[:, -2]
+    sums = np.empty(width + 2, np.uint8)
     for y in range(height):
-        for v in range(max(y - 1, 0), min(y + 2, height)):
-            for x in range(width):
-                count_in_column[y, x + 1] += mask[v, x]
-        rows = min(y + 2, height) - max(y - 1, 0)
+        for x in range(width + 2):
+            sums[x] = near[y, x] + near[y + 1, x] + near[y + 2, x]
         for x in range(width):
-            count = count_in_column[y, x] + count_in_column[y, x + 1] + count_in_column[y, x + 2]
-            if count == rows * (min(x + 2, width) - max(x - 1, 0)):
+            count = sums[x] + sums[x + 1] + sums[x + 2]
+            if count == 9:
                 alpha[y, x] = 255
             elif count:
                 largest = floor

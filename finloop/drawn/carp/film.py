@@ -143,6 +143,32 @@ def _truth_row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses:
     }
 
 
+def draw_fish_alone(
+    params: CarpFilm, poses: CarpMotion, frame: int, fish: int
+) -> tuple[Image, Image]:
+    """Return a fish of a frame without tank, shadow and noise: premultiplied colour and opacity.
+
+    They are (height, width, 3 or 1) grey levels in the light of the frame, and (height, width) 0-1:
+    the true alpha of its cut-out.
+    """
+    left_fin, right_fin = poses.fins[frame, fish]
+    line, colours = midline_px(params, poses, frame, fish), fish_colours(params)[fish]
+    drawing = draw_carp(line, (float(left_fin), float(right_fin)), colours)
+    empty = np.zeros((params.height_px, params.width_px, 3 if params.colour else 1), np.float32)
+    black, white = empty, empty + 255
+    vignette = _vignette(empty_tank(params))
+    for ground in (black, white):
+        _paint_carp(ground, drawing, vignette)
+    opacity = 1 - (white - black).mean(axis=2) / 255
+    return black * np.float32(light_levels(params)[frame]), opacity
+
+
+def _vignette(empty: Image) -> Image:
+    """Return how bright the light is at each place (h, w) of an empty tank (h, w, 3 or 1)."""
+    vignette = cv2.blur(empty.mean(axis=2), (61, 61))
+    return np.asarray(vignette / vignette.max(), np.float32)
+
+
 def _sensor_noise(params: CarpFilm, rng: np.random.Generator) -> Image:
     """Return sensor noise (h, w, 1 or 3), larger than a frame by NOISE_PAD px, for random crops.
 
@@ -201,9 +227,7 @@ def film_frames(
     skins, brightness = fish_colours(params), light_levels(params)
     noise_rng = _random_generators(params.seed).noise
     empty = empty_tank(params)
-    # How bright the light is at each place, 1 = brightest, also on the fish.
-    vignette = cv2.blur(empty.mean(axis=2), (61, 61))
-    vignette = np.asarray(vignette / vignette.max(), np.float32)
+    vignette = _vignette(empty)  # 1 = brightest, also on the fish
     noise = _sensor_noise(params, noise_rng)
     tank = empty.copy()
     for frame in range(params.frames):

@@ -1,0 +1,115 @@
+"""The alpha of cut-outs: that of drawn fish is known; a parted tail is bridged, crumbs go."""
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from finloop.drawn.carp.film import carp_motion, draw_fish_alone, empty_tank, film_frames
+from finloop.drawn.carp.settings import CarpFilm
+from finloop.extract.background import Scene, match_scene_to_light
+from finloop.extract.matte import one_piece
+from finloop.extract.samples import measure_edge_width
+from finloop.extract.segment import SilhouetteEdge, find_silhouettes, measure_fish, soft_alpha
+
+SIZE = 240, 320
+
+
+@cache
+def carp(colour):
+    """Cut-outs of drawn carp with closed fins, as filmed: truth, alpha and colours of each."""
+    film = CarpFilm(
+        frames=9, fish=1, width_px=SIZE[1], height_px=SIZE[0], body_length_px=80.0,
+        frame_rate_hz=25.0, noise_grey=1.5, fins_open_ratio=0.0, seed=4, colour=colour,
+    )  # fmt: skip
+    poses, tank = carp_motion(film), np.clip(np.rint(empty_tank(film)), 0, 255).astype(np.uint8)
+    scene, arena = Scene(tank.squeeze(), "dark", 1.2, 6.0), np.full(SIZE, 255, np.uint8)
+    found = []
+    for number, (frame, _) in enumerate(film_frames(film, poses)):
+        lit = match_scene_to_light(scene, frame)
+        edge_rule = SilhouetteEdge(0.4, 0.45, "none")
+        silhouettes = list(find_silhouettes(frame, lit, arena, 100.0, edge_rule))
+        if len(silhouettes) != 1:
+            continue  # at the picture's edge
+        edge_px = measure_edge_width(silhouettes[0])
+        fish = measure_fish(silhouettes[0], frame, lit, 33, edge_px=edge_px)
+        h, w = fish.cutout.shape[:2]
+        here = np.s_[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
+        colours, opacity = draw_fish_alone(film, poses, number, 0)
+        old = soft_alpha(silhouettes[0].mask, silhouettes[0].field, 6)
+        found.append((colours[here] / lit.gains, opacity[here], fish.cutout, old))
+    return found
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_the_alpha_of_a_drawn_fish_is_right_to_two_per_cent(colour):
+    errors, before, edges = [], [], []
+    for _, true, cutout, old in carp(colour):
+        error = np.abs(cutout[..., -1] / 255 - true)
+        errors.append(error.mean())
+        before.append(np.abs(old / 255 - true).mean())
+        edges.append(error[(true > 0.02) & (true < 0.98)].mean())
+    assert len(errors) > 4
+    assert np.mean(errors) < 0.02
+    assert np.mean(errors) < 0.75 * np.mean(before)  # than the alpha that the measures have
+    assert np.mean(edges) < 0.15
+
+
+@pytest.mark.parametrize("ground", [0, 128, 255])
+def test_on_any_ground_the_edge_has_next_to_no_colour_of_the_tank(ground):
+    for colours, true, cutout, _ in carp(True):
+        alpha = cutout[..., -1:] / 255
+        shown = cutout[..., :-1] + (1 - alpha) * ground
+        right = colours + (1 - true[..., None]) * ground
+        edge = (true > 0.02) & (true < 0.98)
+        # The tank has 190 grey levels; a hard edge would be off by a fifth of the contrast.
+        assert np.abs(shown - right)[edge].mean() < 0.1 * 190
+        assert np.abs(shown - right)[true > 0.98].mean() < 4
+
+
+def parted_tail(gap):
+    """A body, and a tail of lower opacity behind a gap of so many pixels."""
+    alpha = np.zeros((40, 120), np.uint8)
+    cv2.ellipse(alpha, (80, 20), (30, 8), 0, 0, 360, 255, cv2.FILLED)
+    silhouette = alpha > 0
+    alpha[18:23, 50 - gap - 20 : 50 - gap] = 120
+    return alpha, silhouette
+
+
+def count_pieces(alpha, level):
+    return cv2.connectedComponents((alpha >= level).astype(np.uint8))[0] - 1
+
+
+@pytest.mark.parametrize("gap", [1, 2, 3, 4])
+def test_a_parted_tail_is_one_piece_with_the_fish(gap):
+    alpha, silhouette = parted_tail(gap)
+    assert count_pieces(alpha, 26) == 2
+    whole = one_piece(alpha, silhouette, (0, 0))
+    assert [count_pieces(whole, level) for level in (1, 26, 100, 120, 255)] == [1] * 5
+    assert np.array_equal(whole[alpha > 0], alpha[alpha > 0])  # the tail keeps its opacity
+    assert (
+        np.count_nonzero(whole) - np.count_nonzero(alpha) <= 12 * gap
+    )  # and only the gap is filled
+
+
+def test_crumbs_are_dropped_and_what_hangs_by_a_thread_is_as_faint_as_the_thread():
+    alpha, silhouette = parted_tail(9)
+    assert np.array_equal(one_piece(alpha, silhouette, (0, 0)) > 0, silhouette)
+    alpha[20, 30:52] = np.maximum(alpha[20, 30:52], 9)  # a faint thread to the tail
+    whole = one_piece(alpha, silhouette, (0, 0))
+    assert whole[18:23, 25:30].max() == 9
+    assert all(count_pieces(whole, level) == 1 for level in (1, 9, 10, 120))
+    assert np.array_equal(whole[silhouette], alpha[silhouette])
+
+
+def test_an_alpha_in_one_piece_stays_as_it_is():
+    rng = np.random.default_rng(2)
+    hill = cv2.GaussianBlur(np.pad(np.full((9, 50), 255, np.uint8), 12), (0, 0), 3)
+    silhouette = np.zeros(hill.shape, bool)
+    silhouette[14:19, 20:50] = True
+    assert np.array_equal(one_piece(hill, silhouette, (0, 0)), hill)
+    noise = rng.integers(0, 256, hill.shape, np.uint8)
+    once = one_piece(noise, silhouette, (0, 0))
+    assert np.array_equal(one_piece(once, silhouette, (0, 0)), once)
+    assert np.array_equal(once[silhouette], noise[silhouette])
