@@ -1,4 +1,7 @@
-"""Stage `realism`: test whether a classifier can distinguish the animation from its film."""
+"""Stage `realism`: test whether a classifier can distinguish the animation from its film.
+
+It looks at motion (as extraction measures it), and at pictures (`stages.realism_pictures`).
+"""
 
 from stages.run import report_progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -19,12 +22,15 @@ from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT, split_by_fish
 from finloop.features.table import infer_delta_frames
 from finloop.io.atomic import whole_folder
+from finloop.io.mapped import save_array
 from finloop.io.movie import Mp4Writer
+from finloop.io.record import save_json
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.project import Project
 from finloop.realism import compare, examples
 from finloop.realism.auc import compute_roc
 from finloop.realism.compare import FilmSample, Sides, Verdict
+from finloop.realism.crops import SIZE
 from finloop.realism.examples import FILM
 from finloop.realism.instrument import (
     EditList,
@@ -40,6 +46,7 @@ from finloop.render.gallery import Gallery
 from stages.cluster import open_workers
 from stages.kept import KeptResults, load_frames, load_values, open_kept, save_frames, save_values
 from stages.origins import path_digest
+from stages.realism_pictures import PictureResult, PictureSample
 from stages.settings import load_settings
 
 ANIMATE = Path("data/animate")
@@ -172,21 +179,52 @@ def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int)
                 writer.write(frame)
 
 
+def _save_picture_examples(
+    folder: Path, pictures: PictureSample, results: dict[str, PictureResult], slower: int
+) -> None:
+    """Write what gives pictures away: where the network looks, and the most obvious windows.
+
+    Of the windows `folder` gets the table pictures.csv, their crops, and a film of them, slowed
+    down, in which each is shown twice: the animation left, the film right.
+    """
+    looks = {name: result.verdict.looks for name, result in results.items()}
+    shown = {name: look for name, look in looks.items() if look is not None}
+    save_json(folder / "looks.json", list(shown))
+    save_array(folder / "looks.npy", np.array(list(shown.values()), np.float32))
+    table, crops = pictures.show_examples(results, pictures.project.whole_gallery)
+    save_csv(folder / "pictures.csv", table, decimals=4)
+    save_array(folder / "crops.npy", crops)
+    if not len(crops):
+        return
+    enlarged, rate = PANEL_PX // SIZE, pictures.project.facts.frame_rate
+    shape = examples.WORDS_PX + enlarged * SIZE, 2 * enlarged * SIZE, 3
+    with Mp4Writer(folder / "pictures.mp4", shape, rate / slower, CRF) as writer:
+        for title, pair in zip(table["compared"], crops, strict=True):
+            frames = list(examples.draw_crop_pair(title, pair, enlarged))
+            for frame in frames * 2:
+                writer.write(frame)
+
+
 def _save_report(
-    folder: Path, verdicts: dict[str, Verdict], sample: FilmSample,
+    folder: Path, verdicts: dict[str, Verdict], by_picture: dict[str, Verdict], sample: FilmSample,
     edit_lists: dict[str, list[EditList]], measured: dict[str, Swimming],
 ) -> None:  # fmt: skip
     """Write auc.csv and roc.csv to `folder`, and the metrics to reports/realism/.
 
-    verdicts: by comparison. edit_lists, measured: edit lists and measured swimming, by mode or
-    FILM.
+    verdicts, by_picture: by comparison, of motion and of pictures. edit_lists, measured: edit lists
+    and measured swimming, by mode or FILM.
     """
-    save_csv(folder / "auc.csv", compare.verdict_table(verdicts), decimals=4)
-    curves = [compute_roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
-    columns = ["compared", "false_alarms", "hits"]
+    tables = compare.verdict_table(verdicts), compare.verdict_table(by_picture, "picture")
+    save_csv(folder / "auc.csv", pd.concat(tables, ignore_index=True), decimals=4)
+    curves = [
+        compute_roc(result.scores).assign(compared=name, by=by)
+        for by, results in (("motion", verdicts), ("picture", by_picture))
+        for name, result in results.items()
+    ]
+    columns = ["compared", "by", "false_alarms", "hits"]
     table = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame()
     save_csv(folder / "roc.csv", table.reindex(columns=columns), decimals=4)
-    numbers = compare.auc_metrics(verdicts)
+    numbers = compare.auc_metrics(verdicts, by_picture)
     for name, result in measured.items():
         numbers |= {
             f"{name}_s": len(result.row) / sample.rate_hz,
@@ -238,6 +276,7 @@ def _compare_swimming(
             edit_lists[mode] = [EditList(edit) for edit in split_by_fish(load_table(path, EDIT))]
             instruments[mode] = film_instrument.adapt_to_animation(scale)
             mode_inputs[mode] = [path_digest(path), scale]
+            mode_inputs[f"picture {mode}"] = mode_inputs[mode]
     kept = open_kept("realism", INPUTS, mode_inputs)  # results of an earlier run
     measured = measure_swimming(edit_lists, GalleryOpener(project), instruments, pool, kept)
     if FILM not in measured:
@@ -250,13 +289,18 @@ def _compare_swimming(
     animated = {mode: measured[mode] for mode in measured if mode != FILM}
     sides = sample.comparison_windows(animated, features)
     verdicts = classify_all(sides, p, pool, kept)
+    filmed = replace(sample, film=sample.as_filmed(features))
+    pictures = PictureSample(filmed, project, instruments, edit_lists, measured)
+    results = pictures.judge(GalleryOpener(project), pool, kept)
     with whole_folder(OUT) as folder:
         windows, curves = examples.find_examples(sample, edit_lists, measured, sides, verdicts)
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)
         save_table(folder / "curves.parquet", curves, examples.CURVES)
         if len(windows):
             _save_film(folder / "examples.mp4", windows, project, p.slower)
-        _save_report(folder, verdicts, sample, edit_lists, measured)
+        _save_picture_examples(folder, pictures, results, p.slower)
+        by_picture = {name: result.verdict for name, result in results.items()}
+        _save_report(folder, verdicts, by_picture, sample, edit_lists, measured)
 
 
 if __name__ == "__main__":

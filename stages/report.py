@@ -57,7 +57,10 @@ TABLES = {  # by chapter
         ("data/sprites/table1_after.csv", "Table 1 after synthesis: the sprites"),
     ),
     "swimming": (
-        ("data/realism/auc.csv", "Distinguishable from film: AUC, and loss without a channel"),
+        (
+            "data/realism/auc.csv",
+            "Told by its motion and by its picture: AUC, and loss without a channel",
+        ),
     ),
     "curves": (
         ("data/morph/connection.csv", "Tables 1, 2 of the curve paper: connection coefficients"),

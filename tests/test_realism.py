@@ -1,10 +1,12 @@
 """Realism: laws of the area and its interval, of blocks and windows, of the instrument, the stage."""
 
+import json
 import pickle
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import ClassVar
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -32,7 +34,20 @@ from finloop.io.video import load_facts, load_mask
 from finloop.project import Project
 from finloop.realism import examples
 from finloop.realism.auc import Scores, compute_auc, compute_roc
-from finloop.realism.compare import FilmSample, classify_windows
+from finloop.realism.compare import (
+    FilmSample,
+    Verdict,
+    classify_pictures,
+    classify_windows,
+)  # fmt: skip
+from finloop.realism.crops import (
+    PICTURE_CHANNELS,
+    SIZE,
+    CropCamera,
+    CropMeter,
+    CropSeries,
+    rows_with_company,
+)  # fmt: skip
 from finloop.realism.instrument import EditList, Instrument, Swimming, join_measurements
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
@@ -429,7 +444,7 @@ def test_the_stage_writes_numbers_curves_and_examples(carp):
     shown = load_table(carp / "data/realism/examples.parquet", examples.EXAMPLES)
     assert set(shown["side"]) == set(examples.SIDES)
     assert (carp / "data/realism/examples.mp4").stat().st_size > 0
-    for name in ("auc.png", "contact_sheet.png"):
+    for name in ("auc.png", "contact_sheet.png", "picture_auc.png", "looks.png", "pictures.png"):
         assert load_picture(carp / "reports/modes/realism" / name).std() > 5
 
 
@@ -452,3 +467,125 @@ def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     how = GalleryOpener(Project()), dict.fromkeys(edit_lists, instrument_of(carp)), Processes()
     assert stages.realism.measure_swimming(edit_lists, *how) == {}
     assert "the fish of network in 0 %" in capsys.readouterr().err
+
+
+# --- pictures
+
+
+TANK = np.full((300, 300), 200, np.uint8)
+CAMERA = CropCamera(TANK, 6.0, 60.0, 600.0)
+
+
+def picture_of(x=150.0, y=150.0, angle_deg=0.0, light=1.0, shade=100, grain=0.0):
+    """A dark ellipse, 60 × 12 px, that heads for angle_deg in a tank of 200."""
+    frame = TANK.astype(np.float32)
+    centre, axes = (round(16 * x), round(16 * y)), (16 * 30, 16 * 6)
+    cv2.ellipse(frame, centre, axes, -angle_deg, 0, 360, shade, -1, cv2.LINE_AA, 4)
+    noise = np.random.default_rng(round(x)).normal(0, grain, frame.shape) if grain else 0
+    return np.clip(np.rint(frame * light + noise), 0, 255).astype(np.uint8)
+
+
+def channels_of(frame, *place):
+    values, _, _ = CropMeter(CAMERA).measure(frame, *(place or (150.0, 150.0, 0.0)))
+    return dict(zip(PICTURE_CHANNELS, values, strict=True))
+
+
+def test_a_crop_shows_the_fish_alike_wherever_it_is_and_heads():
+    still = CAMERA.cut(picture_of(), 150.0, 150.0, 0.0)
+    moved = CAMERA.cut(picture_of(120.0, 180.0, 70.0), 120.0, 180.0, 70.0)
+    assert still.shape == (SIZE, SIZE) and np.abs(still - moved).mean() < 2
+    y, x = np.nonzero(still < 150)
+    assert np.ptp(x) == pytest.approx(60, abs=2) and np.ptp(y) == pytest.approx(12, abs=2)
+    assert (np.abs(still - 200) < 1).mean() > 0.85
+    large = CropCamera(TANK, 6.0, 2 * 67.0, 600.0)  # a fish twice as long as fits is shown half
+    y, x = np.nonzero(large.cut(picture_of(), 150.0, 150.0, 0.0) < 150)
+    assert np.ptp(x) == pytest.approx(30, abs=2)
+    corner = CAMERA.cut(picture_of(), 2.0, 299.0, 45.0)  # beyond the frame its edge goes on
+    assert np.allclose(corner, 200)
+
+
+def test_the_light_of_the_whole_picture_is_light_and_not_contrast():
+    plain, bright, dark = (
+        channels_of(picture_of(light=light, shade=shade))
+        for light, shade in ((1.0, 100), (1.1, 100), (1.0, 60))
+    )
+    assert bright["light"] == pytest.approx(1.1, abs=0.01) and plain["light"] == 1.0
+    assert bright["contrast"] == pytest.approx(plain["contrast"], abs=0.01)
+    assert plain["contrast"] == pytest.approx(-0.5, abs=0.05)
+    assert dark["contrast"] < plain["contrast"] - 0.1
+    assert 1.0 < plain["area"] / (np.pi * 30 * 6 / 60**2) < 1.5  # with pixels that it part covers
+
+
+def test_grain_is_measured_beside_the_fish_in_its_band():
+    clean, grainy = channels_of(picture_of()), channels_of(picture_of(grain=4.0))
+    assert clean["fine_grain"] < 1e-3
+    assert 0.5 * 4 / 200 < grainy["fine_grain"] < 4 / 200  # interpolation takes a part
+    assert grainy["fine_grain"] > 2 * grainy["middle_grain"] > 2 * grainy["coarse_grain"]
+    ringed = picture_of()
+    cv2.ellipse(ringed, (150, 150), (33, 9), 0, 0, 360, 205, 3)  # a faint light halo
+    assert channels_of(ringed)["fringe"] < channels_of(picture_of())["fringe"] - 0.01
+
+
+def test_the_change_from_the_crop_before_is_none_for_a_fish_that_glides():
+    meter = CropMeter(CAMERA)
+    first, _, none = meter.measure(picture_of(), 150.0, 150.0, 0.0)
+    glided, _, change = meter.measure(picture_of(158.0), 158.0, 150.0, 0.0)
+    lit, _, _ = meter.measure(picture_of(158.0, light=1.05), 158.0, 150.0, 0.0)
+    assert none is None and np.isnan(first[-1])
+    assert glided[-1] < 1e-3 and np.abs(change).max() < 0.05
+    assert lit[-1] == pytest.approx(0.05, abs=0.005)
+
+
+def test_another_animal_in_the_crop_of_a_film_gives_nothing():
+    two = picture_of()
+    cv2.ellipse(two, (140, 180), (25, 6), 0, 0, 360, 90, -1)
+    assert np.isnan(CropMeter(CAMERA).measure(two, 150.0, 150.0, 0.0, alone=True)[0]).all()
+    assert np.isfinite(CropMeter(CAMERA).measure(two, 150.0, 150.0, 0.0)[0][:-1]).all()
+    assert np.isnan(CropMeter(CAMERA).measure(TANK, 150.0, 150.0, 0.0)[0]).all()
+    places = pd.DataFrame(
+        {"frame": [0, 0, 0, 1], "heading_deg": 0.0, "x_px": [150.0, 190.0, 260.0, 190.0]}
+    ).assign(y_px=150.0, track_id=[0, 1, 2, 3])
+    for end in ("head", "tail"):
+        places = places.assign(**{f"{end}_x_px": places["x_px"], f"{end}_y_px": places["y_px"]})
+    assert rows_with_company(np.arange(4), places, CAMERA).tolist() == [True, True, False, False]
+
+
+def pictures_of(n, seed, flicker):
+    """A fish in n ticks whose contrast flickers, as channels of pictures and as crops."""
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=(n, len(PICTURE_CHANNELS)))
+    values[:, 0] += flicker * (-1.0) ** np.arange(n)
+    rows = np.arange(1, n, 4)
+    crops = rng.normal(0, 0.01, (len(rows), 2, SIZE, SIZE))
+    crops[:, 1, 40:56, 30:66] += 0.03 * flicker * rng.choice([-1, 1], len(rows))[:, None, None]
+    return CropSeries(values, rows, crops.astype(np.float16))
+
+
+def picture_verdict(flicker):
+    film, animation = (
+        replace(swimming_of(fish(seed, 60.0), row), pictures=pictures_of(1500, seed, strength))
+        for seed, row, strength in ((0, np.arange(1500), 0.0), (1, None, flicker))
+    )
+    sample = replace(sample_of(fish(0), replace(P, cross_validation_folds=2)), film=film)
+    windows, crops = (
+        replace(sample, view=view).windows_beside_film(animation) for view in ("picture", "crop")
+    )
+    return classify_pictures(windows, crops, replace(P, cross_validation_folds=2))
+
+
+def test_a_fish_that_flickers_is_told_by_that_channel_and_in_that_place():
+    verdict = picture_verdict(2.0)
+    assert verdict.best.value > 0.95 and verdict.alone["crop_change"].value > 0.9
+    assert max(PICTURE_CHANNELS, key=lambda name: verdict.alone[name].value) == "contrast"
+    assert verdict.alone["contrast"].value > 0.95 and abs(verdict.alone["light"].value - 0.5) < 0.2
+    look = verdict.looks[1]
+    assert look.sum() == pytest.approx(1)
+    assert look[36:60, 26:70].mean() > 3 * look.mean()
+    again = Verdict.from_values(json.loads(json.dumps(verdict.to_values())))
+    assert again.best == verdict.best and np.array_equal(again.looks, verdict.looks)
+
+
+def test_pictures_of_one_process_cannot_be_told():
+    verdict = picture_verdict(0.0)
+    assert abs(verdict.whole.value - 0.5) < 0.15
+    assert all(verdict.alone[name].low < 0.55 for name in ("crop", "crop_change"))

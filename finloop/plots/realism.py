@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
+import cv2
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from finloop.base.arrays import Picture
+from finloop.base.arrays import Floats, Picture
 from finloop.plots.animate import COLOURS
 from finloop.realism.examples import ANIMATION, FILM, SIDES
 from finloop.realism.windows import AGAIN, CHANNELS, HALVES
@@ -22,8 +23,8 @@ _SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     """Draw ROC curves, and bars of the area under them for each kind of measurement.
 
-    table: columns compared, channel, auc, low, high (ends of the 95 % interval); roc: columns
-    compared, false_alarms, hits. compared: a mode, or parts of the film.
+    table: columns compared, channel, auc, low, high (ends of the 95 % interval), of motion or of
+    pictures; roc: columns compared, false_alarms, hits. compared: a mode, or parts of the film.
     """
     by_comparison = table.groupby("compared", sort=False)
     areas = {str(name): rows.set_index("channel") for name, rows in by_comparison}
@@ -49,6 +50,7 @@ def _draw_roc_curves(
         curve = roc[roc["compared"] == name]
         axes.plot(
             curve["false_alarms"], curve["hits"], color=colours[name],
+            clip_on=False,  # a curve of area 1 lies on the frame
             label=f"{WORDS.get(name, name)}: {value:.3f} ({low:.2f} – {high:.2f})",
         )  # fmt: skip
     axes.set(xlabel="film windows taken for animation", ylabel="animation windows recognised",
@@ -65,9 +67,9 @@ def _draw_area_bars(
 ) -> None:
     """Draw the areas under the ROC curves: for each channel a bar for each comparison.
 
-    areas, colours: by name of the comparison.
+    areas, colours: by name of the comparison; a comparison may lack channels.
     """
-    channels = ["all", *CHANNELS]
+    channels = list(dict.fromkeys(name for area in areas.values() for name in area.index))
     width = 0.8 / max(len(areas), 1)
     for number, (name, area) in enumerate(areas.items()):
         shown = area.reindex(channels)
@@ -80,7 +82,8 @@ def _draw_area_bars(
     if areas:
         axes.legend(frameon=False, ncols=2)
     axes.axhline(0.5, color="0.2", lw=0.8)
-    axes.set_xticks(range(len(channels)), ["all four", *CHANNELS])
+    names = ["all\ntogether" if name == "all" else name.replace("_", "\n") for name in channels]
+    axes.set_xticks(range(len(channels)), names, fontsize=10 if len(names) < 8 else 7)
     axes.set(ylabel="area under the ROC curve; 0.5: cannot tell")
     axes.set_ylim(min(0.4, axes.get_ylim()[0]), 1.0)
 
@@ -123,4 +126,47 @@ def draw_false_windows(
                 axes.set_title(UNITS[column], fontsize=8)
     words = "s (channels); pictures at equal times"
     figure.text(0.5, 0.1 / height, words, ha="center", fontsize=8)
+    return figure
+
+
+def draw_looks(looks: Mapping[str, Floats], crops: Mapping[str, Picture]) -> Figure:
+    """Draw where the network looks: for each comparison a map for crops and one for their changes.
+
+    looks: by name, (2, h, w). crops: by name, a crop (h, w) to lie under the maps, where there is
+    one.
+    """
+    figure = Figure(figsize=(2.2 * max(len(looks), 3), 4.9), layout="constrained")
+    if not looks:
+        figure.text(0.5, 0.5, "no pictures were compared", ha="center", va="center")
+        return figure
+    panels = figure.subplots(2, len(looks), squeeze=False)
+    for column, (name, maps) in zip(panels.T, looks.items(), strict=True):
+        for axes, heat, view in zip(column, maps, ("crop", "change of the crop"), strict=True):
+            smooth = cv2.GaussianBlur(np.asarray(heat, np.float32), (0, 0), 2.0)
+            axes.imshow(
+                crops.get(name, np.full(heat.shape, 128, np.uint8)), "gray", vmin=0, vmax=255
+            )
+            axes.imshow(smooth, "inferno", alpha=0.6)
+            axes.set(xticks=[], yticks=[])
+            axes.set_title(f"{WORDS.get(name, name)}\n{view}", fontsize=8)
+    return figure
+
+
+def draw_obvious_crops(titles: Sequence[str], crops: Picture, shown: int = 12) -> Figure:
+    """Draw windows whose pictures are most obviously false, each above the film most like it.
+
+    titles: of n windows. crops (n, 2, ticks, h, w): of animation and film. shown: ticks drawn.
+    """
+    if not titles:
+        return draw_false_windows(pd.DataFrame(), [], [])
+    ticks = np.linspace(0, crops.shape[2] - 1, shown).round().astype(int)
+    figure = Figure(figsize=(15, 2.75 * len(titles)))
+    panels = figure.subplots(2 * len(titles), 1, squeeze=False)[:, 0]
+    figure.subplots_adjust(left=0.01, right=0.99, bottom=0.005, top=1 - 0.1 / len(titles))
+    for axes, number in zip(panels, range(len(panels)), strict=True):
+        example, side = divmod(number, 2)
+        axes.imshow(np.hstack(list(crops[example, side, ticks])), "gray", vmin=0, vmax=255)
+        axes.set(xticks=[], yticks=[])
+        words = titles[example] if side == 0 else "the film window most like it"
+        axes.set_title(words, fontsize=8, loc="left", color=_SIDE[SIDES[side]], pad=2)
     return figure

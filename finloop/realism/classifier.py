@@ -4,6 +4,7 @@ Gradient-boosted trees over histograms (scikit-learn; Ke et al. 2017, LightGBM).
 same weight, whatever their number of windows.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from finloop.base.arrays import Mask
 from finloop.realism.auc import Scores
 from finloop.realism.settings import RealismSettings
-from finloop.realism.windows import CHANNELS, Windows, join_windows
+from finloop.realism.windows import Windows, join_windows
 
 
 class HeldOutScores(NamedTuple):
@@ -27,46 +28,58 @@ class HeldOutScores(NamedTuple):
 
 
 def score_held_out_windows(
-    film: Windows, animation: Windows, p: RealismSettings, channels: tuple[int, ...]
-) -> HeldOutScores:
+    film: Windows, animation: Windows, p: RealismSettings, channels: tuple[int, ...],
+    share: float = 1.0,
+) -> HeldOutScores:  # fmt: skip
     """Train a classifier per block of time; return the scores of the windows in the block.
 
-    Each learns from windows that are not near its block. channels: indices of the CHANNELS to use.
-    A block whose classifier would see only film or only animation gives NaN.
+    Each learns from windows that are not near its block. channels: indices of the windows' channels
+    to use. share: of their numbers, that each branch of a tree may use; with less than 1 one number
+    that distinguishes all that is learnt from does not hide the others. A block whose classifier
+    would see only film or only animation gives NaN.
     """
     both = join_windows([film, animation])
     is_animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
     score = np.full(len(both), np.nan)  # of windows that no classifier tests
-    shuffled = {CHANNELS[channel]: score.copy() for channel in channels}
+    shuffled = {both.channels[channel]: score.copy() for channel in channels}
     rng = np.random.default_rng(p.seed)
-    for block in range(both.near.shape[1]):
-        learn, test = ~both.near[:, block], both.block == block
-        if not (test.any() and 0 < is_animation[learn].sum() < learn.sum()):
-            continue
+    for learn, test in learnable_blocks(both, is_animation):
         binned = _bin_values(x, learn, p.bins)
         with threadpool_limits(limits=1):  # with so little data, threads are slower
-            model = _make_classifier(p).fit(_join_steps(binned[learn]), is_animation[learn])
+            model = _make_classifier(p, share).fit(_join_steps(binned[learn]), is_animation[learn])
             score[test] = model.decision_function(_join_steps(binned[test]))
             # The scores without the information of one channel at a time.
             for column, channel in enumerate(channels):
                 mixed = binned[test].copy()
                 mixed[..., column] = mixed[rng.permutation(len(mixed)), :, column]
-                shuffled[CHANNELS[channel]][test] = model.decision_function(_join_steps(mixed))
+                shuffled[both.channels[channel]][test] = model.decision_function(_join_steps(mixed))
     labels = is_animation, both.block, both.cluster
     return HeldOutScores(
         Scores(score, *labels), {name: Scores(values, *labels) for name, values in shuffled.items()}
     )
 
 
-def _make_classifier(p: RealismSettings) -> Any:
-    """Return a classifier of scikit-learn that has not learnt yet, by the parameters."""
+def learnable_blocks(both: Windows, is_animation: Mask) -> Iterator[tuple[Mask, Mask]]:
+    """Yield for each block which of n windows a classifier learns from, and which it tests.
+
+    A block that tests none, or would learn from only film or only animation, is left out.
+    """
+    for block in range(both.near.shape[1]):
+        learn, test = ~both.near[:, block], both.block == block
+        if test.any() and 0 < is_animation[learn].sum() < learn.sum():
+            yield learn, test
+
+
+def _make_classifier(p: RealismSettings, share: float) -> Any:
+    """Return a classifier of scikit-learn that has not learnt yet; share: as above."""
     # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     return HistGradientBoostingClassifier(
         max_iter=p.classifier_trees, max_leaf_nodes=p.leaves, min_samples_leaf=p.leaf_windows,
         max_bins=p.bins, early_stopping=False, class_weight="balanced", random_state=p.seed,
+        max_features=share,
     )  # fmt: skip
 
 

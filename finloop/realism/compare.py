@@ -1,8 +1,12 @@
-"""Comparisons: an animation with its film, and one half of the film with the other."""
+"""Comparisons: an animation with its film, and one half of the film with the other.
+
+Either by motion (the channels of `windows`) or by pictures (those of `crops`, and crops as such).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -12,7 +16,9 @@ from finloop.base.errors import FinloopError
 from finloop.features.table import infer_delta_frames
 from finloop.realism.auc import Auc, Scores, compute_auc
 from finloop.realism.classifier import score_held_out_windows
+from finloop.realism.crops import PICTURE_CHANNELS
 from finloop.realism.instrument import Swimming
+from finloop.realism.network import Part, score_held_out_crops
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
     AGAIN,
@@ -22,8 +28,11 @@ from finloop.realism.windows import (
     TickBlocks,
     WindowCut,
     Windows,
+    change_statistics,
     cut_windows,
     equal_blocks,
+    mean_of_steps,
+    motion_channels,
     window_cut_from_deltas,
 )  # fmt: skip
 
@@ -33,14 +42,22 @@ Sides = dict[str, tuple[Windows, Windows]]
 LEAST = 2
 """Windows, at least, that a block tests and learns from."""
 
+CROP_VIEWS = "crop", "crop_change"
+"""What the network sees: a crop, or its change from the tick before."""
+
+View = Literal["motion", "picture", "crop"]
+"""What windows show: channels of motion, channels of pictures, or each a crop and its change."""
+
 
 @dataclass(frozen=True)
 class FilmSample:
     """The film with which animations are compared, and how both are cut into windows.
 
-    film: drawn and measured again, as animations are. frame_s (rows,): time in s of each row of the
-    feature table. largest: greatest motion area in `film`, in squares of a body length. rate_hz:
-    frames per second. delta: Δ, the time over which motion is measured, in frames.
+    film: drawn and measured again, as animations are; where pictures are compared, as filmed. Then
+    it has `pictures`, as all that is compared with it. frame_s (rows,): time in s of each row of
+    the feature table. largest: greatest motion area in `film`, in squares of a body length.
+    rate_hz: frames per second. delta: Δ, the time over which motion is measured, in frames. view:
+    what is compared.
     """
 
     film: Swimming
@@ -49,6 +66,7 @@ class FilmSample:
     rate_hz: float
     delta: int
     p: RealismSettings
+    view: View = "motion"
 
     @property
     def window_cut(self) -> WindowCut:
@@ -80,10 +98,22 @@ class FilmSample:
         tick = np.round(played_s * self.rate_hz).astype(np.int64)
         cluster_ticks = max(1, round(p.windows_per_cluster * p.window_deltas * self.delta))
         cluster = np.where(is_frame, swimming.row // cluster_ticks, -1 - tick // cluster_ticks)
+        ticks = TickBlocks(block, near, cluster)
+        if self.view == "crop":
+            return _crop_windows(swimming, ticks, used)
         rows = np.arange(len(is_frame)) if used is None else np.flatnonzero(used)
-        ticks = TickBlocks(block[rows], near[rows], cluster[rows])
-        table = swimming.table.iloc[rows]
-        windows = cut_windows(table, ticks, self.window_cut, self.rate_hz, self.largest)
+        channels = PICTURE_CHANNELS if self.view == "picture" else CHANNELS
+        if self.view == "picture":
+            assert swimming.pictures is not None
+            values, summarise = swimming.pictures.channels, change_statistics
+        else:
+            values = motion_channels(swimming.table, self.rate_hz, self.largest)
+            summarise = partial(mean_of_steps, step=self.window_cut.step)
+        track_id = swimming.table["track_id"].to_numpy()[rows]
+        used_ticks = TickBlocks(block[rows], near[rows], cluster[rows])
+        windows = cut_windows(
+            track_id, values[rows], used_ticks, self.window_cut, summarise, channels
+        )
         return replace(windows, first=rows[windows.first])
 
     def film_blocks(self, repeats: int = 1) -> Blocks:
@@ -117,14 +147,36 @@ class FilmSample:
         The names are the modes, each beside the film; HALVES, the film's halves; AGAIN, the film as
         filmed beside the film drawn and measured again. measured: each mode's animation.
         """
-        film = self.film
-        filmed_table = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
-        filmed = self.cut_windows(replace(film, table=filmed_table), self.film_blocks())
+        filmed = self.cut_windows(self.as_filmed(features), self.film_blocks())
         return {
             **{mode: self.windows_beside_film(animation) for mode, animation in measured.items()},
             HALVES: self.half_windows(),
-            AGAIN: (filmed, self.cut_windows(film, self.film_blocks())),
+            AGAIN: (filmed, self.cut_windows(self.film, self.film_blocks())),
         }
+
+    def as_filmed(self, features: pd.DataFrame) -> Swimming:
+        """Return the same stretches of the film, measured in the film and not drawn again.
+
+        features: columns of `FEATURES`, of the whole film.
+        """
+        table = features.iloc[self.film.row].assign(track_id=self.film.table["track_id"].to_numpy())
+        return replace(self.film, table=table)
+
+
+def _crop_windows(swimming: Swimming, ticks: TickBlocks, used: Mask | None) -> Windows:
+    """Return the crops of film or animation as windows of one tick: x is (n, 2, pixels).
+
+    The two parts are the crop and its change from the tick before. used (ticks,): True for ticks to
+    use, None for all.
+    """
+    pictures = swimming.pictures
+    assert pictures is not None
+    shown = slice(None) if used is None else used[pictures.crop_rows]
+    rows = pictures.crop_rows[shown]
+    return Windows(
+        x=pictures.crops[shown].reshape(len(rows), 2, -1), first=rows, block=ticks.block[rows],
+        near=ticks.near[rows], cluster=ticks.cluster[rows], channels=("grey",),
+    )  # fmt: skip
 
 
 def build_film_sample(
@@ -144,13 +196,20 @@ class Verdict:
 
     whole: AUC (0.5 not at all, 1 always) by all channels. alone: channel → AUC by only this
     channel. importance: channel → loss of AUC when its values are shuffled. scores: by all
-    channels, windows of the first set first.
+    channels, windows of the first set first. looks (k, h, w): how much each pixel of a crop counts
+    for the network, by crops and by their changes; None without a network.
     """
 
     whole: Auc
     alone: dict[str, Auc]
     importance: dict[str, float]
     scores: Scores
+    looks: Floats | None = None
+
+    @property
+    def best(self) -> Auc:
+        """Return the largest of the AUCs by all channels, by crops and by changes of crops."""
+        return max([self.whole, *(self.alone[name] for name in CROP_VIEWS if name in self.alone)])
 
     def to_values(self) -> dict[str, Any]:
         """Return the verdict as plain values that JSON can hold; `from_values` restores it."""
@@ -159,6 +218,7 @@ class Verdict:
             "alone": {name: list(area) for name, area in self.alone.items()},
             "importance": self.importance,
             "scores": [column.tolist() for column in self.scores],
+            "looks": None if self.looks is None else self.looks.tolist(),
         }
 
     @classmethod
@@ -166,7 +226,8 @@ class Verdict:
         """Restore a verdict from the plain values of `to_values`."""
         alone = {name: Auc(*area) for name, area in values["alone"].items()}
         scores = Scores(*map(np.array, values["scores"]))
-        return cls(Auc(*values["whole"]), alone, values["importance"], scores)
+        looks = None if values["looks"] is None else np.array(values["looks"])
+        return cls(Auc(*values["whole"]), alone, values["importance"], scores, looks)
 
 
 def classify_windows(
@@ -178,16 +239,41 @@ def classify_windows(
     FinloopError if a block has too few windows of either set to test and to learn from.
     """
     _require_enough_windows(window_pair, p)
-    channels = tuple(range(len(CHANNELS)))
-    held_out = score_held_out_windows(*window_pair, p, channels)
+    names = window_pair[0].channels
+    channels = tuple(range(len(names)))
+    share = p.picture_share if names == PICTURE_CHANNELS else 1.0
+    held_out = score_held_out_windows(*window_pair, p, channels, share)
     whole, alone = compute_auc(held_out.scores), {}
     for channel in channels if by_channel else ():
-        scores = score_held_out_windows(*window_pair, p, (channel,)).scores
-        alone[CHANNELS[channel]] = compute_auc(scores)
+        scores = score_held_out_windows(*window_pair, p, (channel,), share).scores
+        alone[names[channel]] = compute_auc(scores)
     importance = {
         name: whole.value - compute_auc(scores).value for name, scores in held_out.shuffled.items()
     }
     return Verdict(whole, alone, importance, held_out.scores)
+
+
+def classify_pictures(
+    window_pair: tuple[Windows, Windows], crop_pair: tuple[Windows, Windows] | None,
+    p: RealismSettings,
+) -> Verdict:  # fmt: skip
+    """Return how well pictures distinguish two sets: their channels, crops, and changes of crops.
+
+    window_pair: windows of channels, the film's set first. crop_pair: the same of crops, which a
+    network judges (`alone` has its AUCs by the names of CROP_VIEWS); None: no network. FinloopError
+    as in `classify_windows`.
+    """
+    verdict = classify_windows(window_pair, p)
+    if crop_pair is None:
+        return verdict
+    _require_enough_windows(crop_pair, p)
+    alone, looks = dict(verdict.alone), list[Floats]()
+    parts: tuple[Part, ...] = 0, 1
+    for part, name in zip(parts, CROP_VIEWS, strict=True):
+        scores, look = score_held_out_crops(*crop_pair, part, p)
+        alone[name] = compute_auc(scores)
+        looks.append(look)
+    return replace(verdict, alone=alone, looks=np.stack(looks))
 
 
 def _require_enough_windows(window_pair: tuple[Windows, Windows], p: RealismSettings) -> None:
@@ -206,30 +292,36 @@ def _require_enough_windows(window_pair: tuple[Windows, Windows], p: RealismSett
         )
 
 
-def verdict_table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
+def verdict_table(verdicts: Mapping[str, Verdict], by: str = "motion") -> pd.DataFrame:
     """Return the verdicts as a table: a row per comparison and channel, channel "all" first.
 
-    Columns: compared, channel; auc, low, high: the area under the ROC curve and its 95 % interval;
-    lost: area lost when the channel is shuffled, NaN for "all".
+    Columns: compared; by, as given, "motion" or "picture"; channel; auc, low, high: the area under
+    the ROC curve and its 95 % interval; lost: area lost when the channel is shuffled, NaN for "all"
+    and for what the network sees.
     """
     rows = []
     for name, verdict in verdicts.items():
         for channel, area in {"all": verdict.whole, **verdict.alone}.items():
-            rows.append((name, channel, *area, verdict.importance.get(channel, np.nan)))
-    return pd.DataFrame(rows, columns=["compared", "channel", "auc", "low", "high", "lost"])
+            rows.append((name, by, channel, *area, verdict.importance.get(channel, np.nan)))
+    return pd.DataFrame(rows, columns=["compared", "by", "channel", "auc", "low", "high", "lost"])
 
 
-def auc_metrics(verdicts: dict[str, Verdict]) -> dict[str, float]:
-    """Return the AUCs as metrics by name: `<name>_auc`, `_auc_low`, `_auc_high`, `_<channel>_auc`.
+def auc_metrics(motion: Mapping[str, Verdict], pictures: Mapping[str, Verdict]) -> dict[str, float]:
+    """Return the AUCs as metrics by name, by motion and by pictures.
 
-    Low and high are the ends of the 95 % interval.
+    `<name>_auc`, `_auc_low`, `_auc_high` are the AUC by motion and its 95 % interval,
+    `<name>_<channel>_auc` that by one channel. `<name>_picture_auc`, `…_low`, `…_high` are those of
+    the classifier of pictures that distinguishes best: by all channels, by crops, or by changes.
     """
     metrics: dict[str, float] = {}
-    for name, verdict in verdicts.items():
-        metrics |= {
-            f"{name}_auc": verdict.whole.value,
-            f"{name}_auc_low": verdict.whole.low,
-            f"{name}_auc_high": verdict.whole.high,
-            **{f"{name}_{channel}_auc": area.value for channel, area in verdict.alone.items()},
-        }
+    for name, verdict in motion.items():
+        metrics |= _named_auc(f"{name}_auc", verdict.whole)
+        metrics |= {f"{name}_{channel}_auc": area.value for channel, area in verdict.alone.items()}
+    for name, verdict in pictures.items():
+        metrics |= _named_auc(f"{name}_picture_auc", verdict.best)
     return metrics
+
+
+def _named_auc(name: str, auc: Auc) -> dict[str, float]:
+    """Return an AUC and the ends of its interval as metrics: name, `<name>_low`, `<name>_high`."""
+    return {name: auc.value, f"{name}_low": auc.low, f"{name}_high": auc.high}

@@ -217,3 +217,21 @@ def draw_example(
             frame[WORDS_PX:, number * size_px : (number + 1) * size_px] = picture
             write_text(frame, text, (number * size_px + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
         yield frame
+
+
+def draw_crop_pair(title: str, crops: Picture, enlarged: int) -> Iterator[Picture]:
+    """Yield the frames of a film of crops: animation left, film right, titles above.
+
+    crops (2, n, size, size): of animation and film, in n ticks. enlarged: how often a pixel is
+    repeated. Frames are (enlarged size + WORDS_PX, 2 enlarged size, 3).
+    """
+    width = enlarged * crops.shape[-1]
+    titles = f"{title}: animation", "the film most like it"
+    for animation, film in zip(*crops, strict=True):
+        frame = np.full((width + WORDS_PX, 2 * width, 3), 255, np.uint8)
+        frame[WORDS_PX:] = (
+            np.hstack([animation, film]).repeat(enlarged, 0).repeat(enlarged, 1)[..., None]
+        )
+        for number, text in enumerate(titles):
+            write_text(frame, text, (number * width + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
+        yield frame

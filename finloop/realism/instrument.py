@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Floats, Ints, Picture
+from finloop.base.arrays import Floats, Ints, Mask, Picture
 from finloop.base.stretches import sample_stretches
 from finloop.edit.schema import FRAME, filmed_edit_list
 from finloop.extract.background import Scene
@@ -27,6 +27,7 @@ from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
 from finloop.features.settings import FeaturesSettings as FeatureSettings
 from finloop.features.table import FEATURES, measure_features
+from finloop.realism.crops import CropCamera, CropCollector, CropMeter, CropSeries, grey
 from finloop.render.gallery import Gallery, fish_by_row
 from finloop.render.painter import Painter, PlacedFish
 
@@ -91,6 +92,14 @@ class Instrument:
         fish = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
         return TypicalFish(*fish, fins="none", thin=facts.thin, limbs=facts.limbs)
 
+    @property
+    def crop_camera(self) -> CropCamera:
+        """Return the camera that cuts crops from frames of this tank."""
+        facts = self.facts
+        return CropCamera(
+            grey(self.tank), facts.threshold_grey, facts.typical_length_px, facts.typical_area_px
+        )
+
     def detect_fish(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
         """Draw each fish on the empty tank; yield what extraction detects in that frame.
 
@@ -151,7 +160,8 @@ class Swimming:
 
     table: columns of FEATURES, track numbers unique. list_number (n,): of the edit list, from 0.
     tick (n,): in that list. row (n,): of the film that is drawn, −1 for a sprite. time_s (n,):
-    since the first tick of the first list; the lists follow each other without a gap.
+    since the first tick of the first list; the lists follow each other without a gap. pictures:
+    what the pictures show, where these are compared.
     """
 
     table: pd.DataFrame
@@ -159,6 +169,7 @@ class Swimming:
     tick: Ints
     row: Ints
     time_s: Floats
+    pictures: CropSeries | None = None
 
 
 def join_measurements(
@@ -213,3 +224,33 @@ def measure_edit_list(
     with open_pictures() as gallery:
         fish = fish_by_row(instrument.reduce_to_filmed_size(edit), gallery)
         return instrument.measure_fish(fish, cuts)
+
+
+def measure_pictures(
+    open_pictures: Callable[[], AbstractContextManager[Gallery]],
+    job: tuple[Instrument, EditList, pd.DataFrame, Mask],
+) -> CropSeries:
+    """Draw an edit list on the tank as `render` does; return what the pictures of its fish show.
+
+    job: how to draw, the edit list, its n measured ticks (columns of FEATURES, track by track), and
+    the ticks (n,) whose crops are kept; one argument, so that it can be sent to a process.
+    """
+    instrument, (edit, _), table, keep = job
+    collector, camera = CropCollector(len(table)), instrument.crop_camera
+    painter, rows_of_tick = Painter(instrument.tank), table.groupby("frame").indices
+    places = table[["x_px", "y_px", "heading_deg"]].to_numpy(float)
+    track, meters = table["track_id"].to_numpy(), dict[int, CropMeter]()
+    with open_pictures() as gallery:
+        for tick, fish in enumerate(fish_by_row(instrument.reduce_to_filmed_size(edit), gallery)):
+            if tick in rows_of_tick:
+                painter.show(fish)
+            for row in rows_of_tick.get(tick, ()):
+                meter = meters.setdefault(int(track[row]), CropMeter(camera))
+                collector.add(row, meter.measure(painter.frame, *places[row]), bool(keep[row]))
+    return collector.pictures()
+
+
+def rows_to_keep(track_id: Ints, stride: int) -> Mask:
+    """Return which of n rows, track by track, give a crop: one in `stride`, no track's first."""
+    tick = pd.Series(track_id).groupby(track_id, sort=False).cumcount().to_numpy()
+    return (tick > 0) & (tick % stride == 1 % stride)

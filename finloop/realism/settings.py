@@ -25,6 +25,7 @@ class RealismSettings:
     leaves: ClassVar[int] = 8  # of a tree, at most; small trees do not learn single windows
     leaf_windows: ClassVar[int] = 10  # in a leaf, at least; a leaf of fewer is chance
     bins: ClassVar[int] = 32  # quantiles of a channel; a few hundred windows fill these
+    picture_share: ClassVar[float] = 0.3  # of the channels of pictures that a branch may use
     slower: ClassVar[int] = 4  # times; so the film of examples can be followed by eye
     RENAMED: ClassVar = {
         **dict.fromkeys(("window", "stride", "gap", "cluster"), "window_deltas"),

@@ -2,7 +2,7 @@
 
 A window is a stretch of one fish. Its channels are forward and sideways speed, turning speed and
 relative motion area (fish paper §2.2-2.3), in the fish's own frame: they do not show place and
-direction.
+direction. Pictures are cut into the same windows; their channels are those of `crops`.
 
 A tick that shows a frame of the film belongs to the film's time, in every mode. A tick with a
 sprite belongs to the animation's own time. Both times are divided into blocks. A window is tested
@@ -11,15 +11,15 @@ a tick in the block, or within a gap of it. So frames that an animation plays ar
 as one kind and tested as the other. Otherwise a perfect copy of the film would get an AUC near 0.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import to_body_axes
 from finloop.features.current import places_through_water
 
@@ -35,16 +35,18 @@ the film drawn and measured again."""
 class Windows:
     """n windows of swimming (stretches of one fish), the input of the classifier.
 
-    x (n, steps, 4): CHANNELS. first (n,): the row with which each begins. block (n,): the block of
-    time in which each is tested. near (n, blocks): True where the block's classifier must not learn
-    from it. cluster (n,): windows with the same number are not independent.
+    x (n, parts, channels): a number per part of the window, such as a step, and channel. first
+    (n,): the row with which each begins. block (n,): the block of time in which each is tested.
+    near (n, blocks): True where the block's classifier must not learn from it. cluster (n,):
+    windows with the same number are not independent. channels: their names.
     """
 
-    x: NDArray[np.float32]
+    x: Reals
     first: Ints
     block: Ints
     near: Mask
     cluster: Ints
+    channels: tuple[str, ...] = CHANNELS
 
     def __len__(self) -> int:
         return len(self.x)
@@ -126,6 +128,19 @@ def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Float
     ])  # fmt: skip
 
 
+def motion_channels(table: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
+    """Return CHANNELS of every row of a table (n, 4), NaN in the first row of each track.
+
+    table: columns of `FEATURES`, track by track. rate_hz, largest: as in `track_channels`.
+    """
+    channels = np.full((len(table), len(CHANNELS)), np.nan)
+    row = 0
+    for _, track in table.groupby("track_id", sort=False):
+        channels[row + 1 : row + len(track)] = track_channels(track, rate_hz, largest)
+        row += len(track)
+    return channels
+
+
 class TickBlocks(NamedTuple):
     """The block and the cluster to which each of n measured ticks belongs, and the blocks near it.
 
@@ -137,39 +152,51 @@ class TickBlocks(NamedTuple):
     cluster: Ints
 
 
-def cut_windows(
-    table: pd.DataFrame, ticks: TickBlocks, cut: WindowCut, rate_hz: float, largest: float
-) -> Windows:
-    """Cut measured swimming into windows of channels; no window crosses from track to track.
+def mean_of_steps(inside: Floats, step: int) -> Floats:
+    """Return the means of windows (n, ticks, channels) over steps of `step` ticks each."""
+    windows, ticks, channels = inside.shape
+    return inside.reshape(windows, ticks // step, step, channels).mean(axis=2)
 
-    table: columns of `FEATURES`, track by track. ticks: of the same rows. A window belongs to the
-    block of most of its ticks. rate_hz, largest: as in `track_channels`.
+
+def change_statistics(inside: Floats) -> Floats:
+    """Return four numbers per window and channel (n, 4, channels), from (n, ticks, channels).
+
+    They are the mean, the SD, and the mean and the largest absolute change from tick to tick.
     """
-    # The channels of the windows, and the rows with which they begin.
-    x, first = [np.zeros((0, cut.length // cut.step, len(CHANNELS)))], [np.zeros(0, np.intp)]
-    track_start = 0
-    for _, track in table.groupby("track_id", sort=False):
-        channels = track_channels(track, rate_hz, largest)
-        starts = np.arange(0, len(channels) - cut.length + 1, cut.stride)
-        if len(starts):
-            inside = channels[starts[:, None] + np.arange(cut.length)]
-            # each step of a window is the mean of its ticks
-            x.append(inside.reshape(len(starts), -1, cut.step, len(CHANNELS)).mean(axis=2))
-            first.append(track_start + starts)
-        track_start += len(track)
-    # Their blocks and clusters.
-    first_rows = np.concatenate(first)
-    rows = first_rows[:, None] + np.arange(cut.length + 1)  # (windows, ticks): n steps, n + 1 ticks
+    changes = np.abs(np.diff(inside, axis=1))
+    return np.stack([inside.mean(1), inside.std(1), changes.mean(1), changes.max(1)], axis=1)
+
+
+def cut_windows(
+    track_id: Ints, values: Floats, ticks: TickBlocks, cut: WindowCut,
+    summarise: Callable[[Floats], Floats], channels: tuple[str, ...] = CHANNELS,
+) -> Windows:  # fmt: skip
+    """Cut the channels of n ticks into windows; no window crosses from track to track.
+
+    track_id (n,): track by track. values (n, channels): a window's first tick gives no value, and a
+    window with a NaN is left out. ticks: of the same rows; a window belongs to the block of most of
+    its ticks. summarise: (windows, ticks, channels) → (windows, parts, channels).
+    """
+    ends = np.flatnonzero(np.diff(track_id, append=np.nan)) + 1
+    starts = [
+        np.arange(start, stop - cut.length, cut.stride)
+        for start, stop in pairwise([0, *ends.tolist()])
+    ]
+    first = np.concatenate([np.zeros(0, np.intp), *starts])
+    whole = np.asarray(np.isfinite(values).all(axis=1))
+    first = first[whole[first[:, None] + 1 + np.arange(cut.length)].all(axis=1)]
+    rows = first[:, None] + np.arange(cut.length + 1)  # (windows, ticks): n steps, n + 1 ticks
     blocks = np.arange(ticks.near.shape[1])
     ticks_in_block = (ticks.block[rows][..., None] == blocks).sum(axis=1)  # (windows, blocks)
     return Windows(
-        x=np.concatenate(x).astype(np.float32), first=first_rows,
-        block=ticks_in_block.argmax(axis=1), near=ticks.near[rows].any(axis=1),
-        cluster=ticks.cluster[rows[:, cut.length // 2]],
+        x=summarise(values[rows[:, 1:]]).astype(np.float32), first=first,
+        block=ticks_in_block.argmax(axis=1), near=np.asarray(ticks.near[rows].any(axis=1)),
+        cluster=ticks.cluster[rows[:, cut.length // 2]], channels=channels,
     )  # fmt: skip
 
 
 def join_windows(parts: Sequence[Windows]) -> Windows:
-    """Return several sets of windows joined into one set, in the given order."""
-    by_field = zip(*(vars(part).values() for part in parts), strict=True)
-    return Windows(*(np.concatenate(arrays) for arrays in by_field))
+    """Return several sets of windows of the same channels joined into one set, in their order."""
+    names = [field.name for field in fields(Windows) if field.name != "channels"]
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Windows(**arrays, channels=parts[0].channels)

@@ -81,14 +81,28 @@ SWIM = Chapter(
                "The film's fish swims a recorded track: the requested line in blue, the drawn "
                "backbone in red. The last picture has the largest error.",
                "Twelve pictures of the fish with two lines along its body."),
-        Figure("modes/realism/auc.png", "", "Distinguishable from film",
-               "A classifier distinguishes seconds of animation, measured as the film was, from "
-               "seconds of film. An area of 0.5: it cannot. For comparison: one half of the film "
+        Figure("modes/realism/auc.png", "", "Told by its motion",
+               "A classifier distinguishes seconds of animation from seconds of film by how the "
+               "fish moves. An area of 0.5: it cannot. For comparison: one half of the film "
                "against the other, and the film drawn again. On the right, the area of each "
                "channel alone; whiskers are 95 % intervals.",
                "ROC curves of the four modes and of the film's halves; bars of the areas for all "
                "channels and for each alone."),
-        Figure("modes/realism/contact_sheet.png", "", "The most obviously false seconds",
+        Figure("modes/realism/picture_auc.png", "", "Told by its picture",
+               "The same by crops of the pictures, the film's with its own light and grain. Crop "
+               "and crop change, on the right: a small network looks at single crops and at their "
+               "changes from tick to tick.",
+               "ROC curves of the four modes and of the film's halves; bars of the areas for all "
+               "channels of the pictures, for each alone, and for a network."),
+        Figure("modes/realism/looks.png", "", "Where the network looks",
+               "Bright: pixels that count most in the most obvious crops of each mode. Under the "
+               "map lies one of these crops. A pixel that equals the still tank counts nothing.",
+               "Maps of the crop around the fish, two for each mode and for the film's halves."),
+        Figure("modes/realism/pictures.png", "", "The pictures that are most obviously false",
+               "Each mode's seconds with the highest scores, each above the second of film most "
+               "like it, as crops headed right.",
+               "Rows of successive crops of the fish, animation above and film below."),
+        Figure("modes/realism/contact_sheet.png", "", "The most obviously false motion",
                "Each mode's seconds with the highest scores, each above the most similar second of "
                "film. On the right, the channels of both.",
                "Rows of successive pictures of the fish, animation above and film below, with "

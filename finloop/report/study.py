@@ -48,6 +48,11 @@ COLUMNS = (
     StudyColumn("realism.matching_auc", "matching: AUC", "the same for mode matching", "as halves"),
     StudyColumn("realism.halves_auc", "halves: AUC",
                 "the same for two halves of the film itself: what the film cannot tell apart"),
+    StudyColumn("realism.matching_picture_auc", "matching: picture AUC",
+                "how well a classifier distinguishes the pictures of mode matching from the film's",
+                "as halves"),
+    StudyColumn("realism.halves_picture_auc", "halves: picture AUC",
+                "the same for the pictures of two halves of the film itself"),
 )  # fmt: skip
 
 

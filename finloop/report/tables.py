@@ -140,10 +140,16 @@ def mode_headline_numbers(numbers: Mapping[str, float], mode: str) -> list[tuple
         ("seam_ratio_median", "", "natural steps: discontinuity of a transition, median"),
         ("film_pct", " %", "of its time it plays film"),
         ("frames_outside", "", "frames outside the tank"),
-        ("auc", "", "distinguishable from film (classifier AUC): 0.5 is not at all"),
+        ("auc", "", "AUC: told by its motion"),
+        ("picture_auc", "", "AUC: told by its picture"),
     )
+    yardsticks = {  # an AUC says something only beside that of the film's halves
+        key: f" (0.5: not at all; the film's halves {format_number(numbers[f'halves_{key}'])})"
+        for key in ("auc", "picture_auc")
+        if f"halves_{key}" in numbers
+    }
     return [
-        (format_number(numbers[f"{mode}_{key}"]) + unit, words)
+        (format_number(numbers[f"{mode}_{key}"]) + unit, words + yardsticks.get(key, ""))
         for key, unit, words in shown_first
         if f"{mode}_{key}" in numbers
     ]

@@ -1,18 +1,35 @@
-"""Pictures of `realism`: ROC curves and channels, and the most obviously false windows."""
+"""Pictures of `realism`: ROC curves and channels, and what gives an animation away."""
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
+from finloop.io.mapped import open_array
 from finloop.io.picture import save_figure
+from finloop.io.record import load_json, remake_hint
 from finloop.io.table import load_table
-from finloop.plots.realism import draw_false_windows, draw_roc
+from finloop.plots.realism import draw_false_windows, draw_looks, draw_obvious_crops, draw_roc
 from finloop.project import Project
+from finloop.realism.crops import SIZE
 from finloop.realism.examples import CURVES, EXAMPLES, SIDES, draw_strip
 from finloop.render.painter import Painter
 
 OUT, REPORT = Path("data/realism"), Path("reports/modes/realism")
 STRIP = 10, 130  # pictures, px
+
+
+def _draw_pictures() -> None:
+    """Draw where the network looks, and the windows whose pictures are most obviously false."""
+    names: list[str] = load_json(OUT / "looks.json", list, *remake_hint("realism"))
+    looks = open_array(OUT / "looks.npy", (None,) * (4 if names else 1), "float32")
+    shown = pd.read_csv(OUT / "pictures.csv")
+    crops = np.asarray(open_array(OUT / "crops.npy", (None, 2, None, SIZE, SIZE), "uint8"))
+    first = shown.drop_duplicates("compared").set_index("compared")["example"]
+    under = {str(name): crops[number, 0, 0] for name, number in first.items()}
+    save_figure(REPORT / "looks.png", draw_looks(dict(zip(names, looks, strict=True)), under))
+    titles = [f"{number + 1}: {name}" for number, name in enumerate(shown["compared"])]
+    save_figure(REPORT / "pictures.png", draw_obvious_crops(titles, crops))
 
 
 def main() -> None:
@@ -21,7 +38,9 @@ def main() -> None:
     A window is a short stretch of swimming.
     """
     auc, roc = (pd.read_csv(OUT / name) for name in ("auc.csv", "roc.csv"))
-    save_figure(REPORT / "auc.png", draw_roc(auc, roc))
+    for by, name in (("motion", "auc.png"), ("picture", "picture_auc.png")):
+        save_figure(REPORT / name, draw_roc(auc[auc["by"] == by], roc[roc["by"] == by]))
+    _draw_pictures()
 
     table = load_table(OUT / "examples.parquet", EXAMPLES)
     titles, strips = [], []
