@@ -555,10 +555,13 @@ def pictures_of(n, seed, flicker):
     rng = np.random.default_rng(seed)
     values = rng.normal(size=(n, len(PICTURE_CHANNELS)))
     values[:, 0] += flicker * (-1.0) ** np.arange(n)
-    rows = np.arange(1, n, 4)
+    rows = np.arange(1, n, 6)
     crops = rng.normal(0, 0.01, (len(rows), 2, SIZE, SIZE))
     crops[:, 1, 40:56, 30:66] += 0.03 * flicker * rng.choice([-1, 1], len(rows))[:, None, None]
     return CropSeries(values, rows, crops.astype(np.float16))
+
+
+FEW = replace(P, cross_validation_folds=2, classifier_trees=12)
 
 
 def picture_verdict(flicker):
@@ -566,11 +569,11 @@ def picture_verdict(flicker):
         replace(swimming_of(fish(seed, 60.0), row), pictures=pictures_of(1500, seed, strength))
         for seed, row, strength in ((0, np.arange(1500), 0.0), (1, None, flicker))
     )
-    sample = replace(sample_of(fish(0), replace(P, cross_validation_folds=2)), film=film)
+    sample = replace(sample_of(fish(0), FEW), film=film)
     windows, crops = (
         replace(sample, view=view).windows_beside_film(animation) for view in ("picture", "crop")
     )
-    return classify_pictures(windows, crops, replace(P, cross_validation_folds=2))
+    return classify_pictures(windows, crops, FEW)
 
 
 def test_a_fish_that_flickers_is_told_by_that_channel_and_in_that_place():
