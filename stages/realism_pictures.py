@@ -40,7 +40,7 @@ from finloop.realism.instrument import (
 )  # fmt: skip
 from finloop.realism.windows import AGAIN, HALVES, Windows
 from finloop.render.gallery import Gallery, fish_by_row
-from finloop.render.painter import Painter
+from finloop.render.living import LivingTank
 from stages.kept import KeptResults, load_values, save_values
 from stages.run import report_progress
 
@@ -155,6 +155,14 @@ class PictureSample:
     measured: Mapping[str, Swimming]
 
     @property
+    def open_tank(self) -> Callable[[], LivingTank | None]:
+        """Return a function that returns the empty tank with the film's grain and light.
+
+        It returns None if the film shows neither.
+        """
+        return partial(self.project.living_tank, "film")
+
+    @property
     def names(self) -> list[str]:
         """Return the names of the comparisons: the modes, the film drawn again, the halves."""
         return [*(AGAIN if name == FILM else name for name in self.measured), HALVES]
@@ -213,7 +221,9 @@ class PictureSample:
                 owners.append(compared)
         parts: dict[str, list[CropSeries]] = {name: [] for name in owners}
         with report_progress("realism: pictures", len(jobs), "animations") as advance:
-            results = ordered_map(partial(measure_pictures, open_pictures), jobs, pool)
+            results = ordered_map(
+                partial(measure_pictures, open_pictures, self.open_tank), jobs, pool
+            )
             for name, result in zip(owners, results, strict=True):
                 parts[name].append(result)
                 advance(1)
@@ -258,14 +268,15 @@ class PictureSample:
         """Return the crops (ticks, SIZE, SIZE) of successive measured rows of an animation."""
         swimming, instrument = self.measured[name], self.instruments[name]
         edit = self.edit_lists[name][int(swimming.list_number[rows[0]])].edit
-        edit = edit.iloc[swimming.tick[rows]].assign(tick=np.arange(len(rows)))
-        painter, camera = Painter(instrument.tank), instrument.crop_camera
+        ticks = swimming.tick[rows]
+        edit = edit.iloc[ticks].assign(tick=np.arange(len(rows)))
+        painter, camera = instrument.living_painter(self.open_tank()), instrument.crop_camera
         drawn = instrument.reduce_to_filmed_size(edit)
 
         def frames() -> Iterator[Picture]:
             """Yield the frame of each tick."""
-            for fish in fish_by_row(drawn, gallery):
-                painter.show(fish)
+            for tick, fish in zip(ticks, fish_by_row(drawn, gallery), strict=True):
+                painter.show(fish, tick=int(tick))
                 yield painter.frame
 
         return cut_crops(camera, frames(), swimming.table.iloc[rows])

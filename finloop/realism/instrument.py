@@ -29,6 +29,7 @@ from finloop.features.settings import FeaturesSettings as FeatureSettings
 from finloop.features.table import FEATURES, measure_features
 from finloop.realism.crops import CropCamera, CropCollector, CropMeter, CropSeries, grey
 from finloop.render.gallery import Gallery, fish_by_row
+from finloop.render.living import LivingTank
 from finloop.render.painter import Painter, PlacedFish
 
 _RIM = 16  # px around a fish, beside its own size on each side
@@ -99,6 +100,13 @@ class Instrument:
         return CropCamera(
             grey(self.tank), facts.threshold_grey, facts.typical_length_px, facts.typical_area_px
         )
+
+    def living_painter(self, tank: LivingTank | None) -> Painter:
+        """Return a painter whose tank lives, unless fish are drawn smaller or larger than filmed.
+
+        tank: the empty tank at every tick, as large as the film; None: it stands still.
+        """
+        return Painter(self.tank, tank=tank if self.fish_scale == 1 else None)
 
     def detect_fish(self, fish: Iterable[PlacedFish]) -> Iterator[Detections]:
         """Draw each fish on the empty tank; yield what extraction detects in that frame.
@@ -228,22 +236,25 @@ def measure_edit_list(
 
 def measure_pictures(
     open_pictures: Callable[[], AbstractContextManager[Gallery]],
+    open_tank: Callable[[], LivingTank | None],
     job: tuple[Instrument, EditList, pd.DataFrame, Mask],
 ) -> CropSeries:
-    """Draw an edit list on the tank as `render` does; return what the pictures of its fish show.
+    """Draw an edit list on the living tank; return what the pictures of its fish show.
 
-    job: how to draw, the edit list, its n measured ticks (columns of FEATURES, track by track), and
-    the ticks (n,) whose crops are kept; one argument, so that it can be sent to a process.
+    open_tank: returns the empty tank at every tick, or None if it stands still. job: how to draw,
+    the edit list, its n measured ticks (columns of FEATURES, track by track), and the ticks (n,)
+    whose crops are kept; one argument, so that it can be sent to a process.
     """
     instrument, (edit, _), table, keep = job
     collector, camera = CropCollector(len(table)), instrument.crop_camera
-    painter, rows_of_tick = Painter(instrument.tank), table.groupby("frame").indices
+    rows_of_tick = table.groupby("frame").indices
     places = table[["x_px", "y_px", "heading_deg"]].to_numpy(float)
     track, meters = table["track_id"].to_numpy(), dict[int, CropMeter]()
     with open_pictures() as gallery:
+        painter = instrument.living_painter(open_tank())
         for tick, fish in enumerate(fish_by_row(instrument.reduce_to_filmed_size(edit), gallery)):
             if tick in rows_of_tick:
-                painter.show(fish)
+                painter.show(fish, tick=tick)
             for row in rows_of_tick.get(tick, ()):
                 meter = meters.setdefault(int(track[row]), CropMeter(camera))
                 collector.add(row, meter.measure(painter.frame, *places[row]), bool(keep[row]))
