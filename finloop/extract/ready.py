@@ -1,7 +1,8 @@
 """Load the compiled kernels that measure a fish: importing this module makes them ready.
 
 Loading takes half a second. The server from which workers are forked imports it, so they inherit
-the kernels.
+the kernels. OpenCV uses one thread from then on: its threads do not survive a fork, and a worker
+would wait for them for ever.
 """
 
 import cv2
@@ -23,4 +24,5 @@ def _measure_drawn_fish() -> None:
         measure_fish(silhouette, film, scene, _POINTS)
 
 
+cv2.setNumThreads(1)
 _measure_drawn_fish()
