@@ -217,3 +217,10 @@ def test_items_are_made_a_few_ahead_and_an_error_comes_after_the_items_before_it
             assert number <= len(made) - 1 <= number + 3
             got.append(number)
     assert got == made == list(range(20))
+
+
+def test_the_kernels_that_workers_inherit_start_no_thread_of_opencv():
+    """A fork loses threads, and a worker would wait for them for ever."""
+    code = "import cv2, finloop.extract.ready; print(cv2.getNumThreads())"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.split() == ["1"]
