@@ -135,10 +135,11 @@ def draw_looks(looks: Mapping[str, Floats], crops: Mapping[str, Picture]) -> Fig
     looks: by name, (2, h, w). crops: by name, a crop (h, w) to lie under the maps, where there is
     one.
     """
-    figure = Figure(figsize=(2.2 * max(len(looks), 3), 4.9), layout="constrained")
     if not looks:
+        figure = Figure(figsize=(8, 1.5))
         figure.text(0.5, 0.5, "no pictures were compared", ha="center", va="center")
         return figure
+    figure = Figure(figsize=(2.2 * max(len(looks), 3), 4.9), layout="constrained")
     panels = figure.subplots(2, len(looks), squeeze=False)
     for column, (name, maps) in zip(panels.T, looks.items(), strict=True):
         for axes, heat, view in zip(column, maps, ("crop", "change of the crop"), strict=True):

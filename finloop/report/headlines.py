@@ -313,7 +313,7 @@ METRICS = {
     "tank": ["gltf_error_pct_of_length"],
     "export": ["track_rows_share"],
     "morph": ["fold_free_contours_that_fold"],
-    "gait": ["limbs_rms_gamma_pct", "tracks_that_repeat"],
+    "gait": ["limbs_rms_gamma_pct"],
     "report": ["figures"],
 }  # fmt: skip
 """The headline numbers that `dvc metrics diff` compares, by stage: together they fit one screen."""
