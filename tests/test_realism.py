@@ -387,7 +387,8 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     simulated = join_measurements([edit], [table], RATE)
     assert (simulated.row == np.arange(len(features))).all()
     off = table[["x_px", "y_px"]].to_numpy() - places
-    assert np.abs(off).max() < 0.2
+    assert np.median(np.abs(off)) < 0.1  # a soft edge is a little paler than the filmed one
+    assert np.abs(off).max() < 0.4
     turned = (table["heading_deg"] - features["heading_deg"] + 180) % 360 - 180
     assert turned.abs().median() < 0.3
 

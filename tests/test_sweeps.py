@@ -32,7 +32,7 @@ VALUES = {
     "features.delta_s": "0.15",
     "features.orientations": "24",
     "features.turn_threshold_deg": "30.0",
-    "loops.distance_threshold": "0.85",
+    "loops.distance_threshold": "0.6",
 }
 """Another value that this film can be swum with; of other parameters the first of the sweep."""
 
