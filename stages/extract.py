@@ -68,9 +68,8 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.che
 def main() -> None:
     """Follow every animal of the clip; write data/extract/, and metrics to reports/extract/.
 
-    data/extract/ gets background and grain of the tank, tracks with backbones, cut-outs, and a row
-    per film in films.csv.
-    What is doubtful is printed and written to its findings.csv.
+    data/extract/ gets background and grain of the tank, tracks with backbones, cut-outs, a row per
+    film in films.csv, and what is doubtful in findings.csv, which is printed, too.
     """
     settings: ExtractSettings = load_settings("extract")
     with open_workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:

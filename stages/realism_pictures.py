@@ -80,16 +80,16 @@ def measure_film_part(part: FilmPart) -> CropSeries:
 
 
 def film_parts(
-    filmed: Swimming, project: Project, camera: CropCamera, stride: int
+    filmed: Swimming, project: Project, camera: CropCamera, stride: int, company: Mask
 ) -> Iterable[FilmPart]:
     """Yield the parts of the film whose fish are compared; a crop is kept every `stride` ticks.
 
-    filmed: the compared stretches as filmed. Fish with another one in the crop keep none.
+    filmed: the compared stretches as filmed, n rows. company (n,): fish with another one in the
+    crop, of which none is kept.
     """
     table = filmed.table
     track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
-    keep = rows_to_keep(track, stride)
-    keep &= ~rows_with_company(filmed.row, project.features, camera)
+    keep = rows_to_keep(track, stride) & ~company
     places = table[["x_px", "y_px", "heading_deg"]].to_numpy(float)
     clip, colour = project.data / "clip" / CLIP_NAME, project.facts.colour
     order = np.argsort(frame, kind="stable")
@@ -197,8 +197,9 @@ class PictureSample:
     def _film_pictures(self, pool: Workers) -> CropSeries:
         """Return what the film's own pictures show of its compared fish."""
         filmed, camera = self.sample.film, self.instruments[FILM].crop_camera
-        parts = list(film_parts(filmed, self.project, camera, self.sample.window_cut.stride))
         company = rows_with_company(filmed.row, self.project.features, camera)
+        stride = self.sample.window_cut.stride
+        parts = list(film_parts(filmed, self.project, camera, stride, company))
         with report_progress("realism: pictures of the film", len(parts), "parts") as advance:
             pictures = list[CropSeries]()
             for result in ordered_map(measure_film_part, parts, pool):

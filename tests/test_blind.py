@@ -83,11 +83,11 @@ def test_half_of_the_films_are_left_and_no_stretch_is_shown_twice():
 
 
 def test_a_seed_gives_the_same_pairs_and_another_one_others():
-    def numbers(seed):
+    def chosen_pairs(seed):
         pairs = choose_pairs(hours(), hours(), TICKS, seed)
         return [(p.film.stretch.first, p.animation.stretch.first, p.side) for p in pairs]
 
-    assert numbers(3) == numbers(3) != numbers(4)
+    assert chosen_pairs(3) == chosen_pairs(3) != chosen_pairs(4)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.5, 1.7])

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scratch import carp_frames
 
+from finloop.base.light import undo_gain
 from finloop.clip.check import (
     CHECK,
     EXAMINED,
@@ -14,7 +15,7 @@ from finloop.clip.check import (
     measure_field_order,
 )
 from finloop.clip.doubled import find_repeats
-from finloop.clip.light import measure_gain, measure_light, undo_gain
+from finloop.clip.light import measure_gain, measure_light
 from finloop.clip.shake import UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 from finloop.clip.verdict import list_findings
 

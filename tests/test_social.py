@@ -277,7 +277,7 @@ def test_memory_of_the_measures_does_not_grow_by_pairs():
     frames, fish = 300, 100
     rng = np.random.default_rng(0)
     where = rng.uniform(0, 390, (frames * fish, 2)), rng.uniform(-180, 180, frames * fish)
-    OPEN.distances_from_wall  # noqa: B018  (kept by the tank, whoever swims in it)
+    OPEN.distances_from_wall  # noqa: B018  (the tank keeps it)
     tracemalloc.start()
     try:
         measure_group(np.repeat(np.arange(frames), fish), *where, OPEN)

@@ -1,6 +1,6 @@
 """A drawn fish whose bend and speed follow an autoregressive law, and whose bend turns it.
 
-Shared by the tests of the forecast and of whoever swims by it.
+Shared by the tests of the forecast and of the modes that use it.
 """
 
 import numpy as np

@@ -15,10 +15,11 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Picture
+from finloop.base.light import undo_gain
 from finloop.base.schema import Column, Schema, columns
 from finloop.base.thin import thin_frame
 from finloop.clip.doubled import find_repeats, picture_change
-from finloop.clip.light import LightMeasures, measure_gain, measure_light, undo_gain
+from finloop.clip.light import LightMeasures, measure_gain, measure_light
 from finloop.clip.shake import (
     STILL,
     UNKNOWN,

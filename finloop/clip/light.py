@@ -1,19 +1,14 @@
-"""The light of a film: the brightness of each frame against the empty tank, flicker and drift.
-
-A lamp that becomes g times as bright makes every pixel g times as bright (gamma coding only changes
-the g). So one gain per channel suffices.
-"""
+"""The light of a film: the brightness of each frame against the empty tank, flicker and drift."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from finloop.base.arrays import Floats, Picture
+from finloop.base.light import BLACK, WHITE
 
 _PIXELS = 1500  # pixels of a frame that are compared
-_LIT = (16, 250)  # grey levels between which a pixel follows the light
 _LEAST_LIT = 0.2  # share of the picture; of less, on a black floor, animals are the most
 _ROUNDS = 3  # rounds of leaving out pixels that are not tank
 _SIGMAS = 3.0  # standard deviations of the difference from which a pixel is an animal
@@ -30,8 +25,7 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
     nor white; NaN if these are less than a fifth. frame, tank: (h, w[, 3]).
     """
     frame_levels, tank_levels = _sample_pixels(frame), _sample_pixels(tank)
-    low, high = _LIT
-    lit = ((tank_levels > low) & (tank_levels < high) & (frame_levels < high)).all(axis=1)
+    lit = ((tank_levels > BLACK) & (tank_levels < WHITE) & (frame_levels < WHITE)).all(axis=1)
     if lit.mean() < _LEAST_LIT:
         return np.full(tank_levels.shape[1], np.nan)
     frame_levels, tank_levels = frame_levels[lit], tank_levels[lit]
@@ -49,18 +43,6 @@ def _sample_pixels(picture: Picture) -> Floats:
     step = max(1, round((picture.shape[0] * picture.shape[1] / _PIXELS) ** 0.5))
     sample = picture[::step, ::step].astype(np.float64)
     return sample.reshape(sample.shape[0] * sample.shape[1], -1)
-
-
-def undo_gain(frame: Picture, gains: Floats) -> Picture:
-    """Return a frame (h, w[, 3]) divided by its gains, so that it is as bright as the empty tank.
-
-    gains: (1,) or (3,), the frame's brightness relative to the tank; NaN leaves the frame as it is.
-    """
-    if np.isnan(gains).any():
-        return frame
-    levels = np.arange(256)[:, None] / gains
-    table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
-    return np.asarray(cv2.LUT(frame, table))
 
 
 class LightMeasures(NamedTuple):

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Mask, Picture
+from finloop.base.light import undo_gain
 from finloop.base.thin import thin_frame
 from finloop.clip.check import (
     CHECK,
@@ -29,7 +30,7 @@ from finloop.clip.check import (
     measure_shake,
 )
 from finloop.clip.doubled import RepeatedFrames, find_repeats
-from finloop.clip.light import measure_gain, measure_light, undo_gain
+from finloop.clip.light import measure_gain, measure_light
 from finloop.clip.settings import ClipSettings, FootageSettings
 from finloop.clip.shake import (
     STILL,

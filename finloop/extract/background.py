@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Picture
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
+from finloop.base.light import BLACK, WHITE
 from finloop.base.parallel import ALONE, Threads, ordered_map
 
 _GRID = 16  # every 16th pixel in both directions suffices to measure the light
-_BLACK, _WHITE = 16, 250  # grey levels between which a pixel follows the light
 _LEAST_LIT = 0.2  # share of the picture; of less, on a black floor, animals are the most
 _LEAST_SHOWN = 0.5  # share of these pixels; of less, the light has not changed by one gain
 _SMOOTH = (3, 3)  # px, the Gaussian that smooths every difference image
@@ -67,8 +67,8 @@ class _LightMeter:
         """Select the pixels of the background that are bright enough to compare."""
         grid = background[::_GRID, ::_GRID].astype(np.float32)
         self._grid = grid.reshape(grid.shape[0] * grid.shape[1], -1)
-        self._grey = ((self._grid > _BLACK) & (self._grid < _WHITE)).all(axis=1)
-        self._lit = grid > _BLACK
+        self._grey = ((self._grid > BLACK) & (self._grid < WHITE)).all(axis=1)
+        self._lit = grid > BLACK
         self._levels = grid[self._lit]
         self._middle = float(np.median(self._levels)) if self._lit.any() else 0.0
 
@@ -95,7 +95,7 @@ class _LightMeter:
         """
         tank = self._grid
         levels = frame[::_GRID, ::_GRID].reshape(tank.shape).astype(np.float32)
-        lit = self._grey & (levels < _WHITE).all(axis=1)
+        lit = self._grey & (levels < WHITE).all(axis=1)
         count = np.count_nonzero(lit)
         if count < _LEAST_LIT * len(tank):
             return None

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
+from finloop.base.light import BLACK, WHITE, undo_gain
 from finloop.extract.background import relative_brightness
 
 Pictures = NDArray[np.uint8]
@@ -22,7 +23,6 @@ _FEWEST, _MOST_BYTES = 8, 2**28  # of large frames: with fewer pictures, the eye
 _LEAST_GREY = 0.4  # SD over time; less is the rounding of grey levels
 _MOST_HIDDEN = 0.5  # share of the tank that no picture shows; of more, the rest says too little
 _RIM_BL = 0.15  # around an animal, for what is paler than the threshold: its shadow, its waves
-_LIT = (16, 250)  # grey levels between which a pixel follows the light
 _SPECK_PX2 = 20  # smaller patches are grain, not animals
 _SLOW_PX = 8  # a cell of the slow part; finer is grain, with the blocks of a codec
 _SLOW_SDS = 2.0  # standard deviations of the slow part up to which it is drift of the light
@@ -107,14 +107,11 @@ def _even_light(frame: Picture, background: Picture, covered: NDArray[np.bool_] 
     """
     gains = np.array([relative_brightness(frame, background)])
     if covered is not None:
-        low, high = _LIT
         levels, tank = (_as_channels(picture[::2, ::2]) for picture in (frame, background))
-        lit = ((tank > low) & (tank < high) & (levels < high)).all(axis=2) & ~covered[::2, ::2]
+        lit = ((tank > BLACK) & (tank < WHITE) & (levels < WHITE)).all(axis=2) & ~covered[::2, ::2]
         if lit.mean() > 0.05:
             gains = levels[lit].sum(axis=0, dtype=float) / tank[lit].sum(axis=0, dtype=float)
-    table = np.arange(256)[:, None] / gains
-    table = np.clip(np.rint(table), 0, 255).astype(np.uint8)[None]
-    return np.asarray(cv2.LUT(np.ascontiguousarray(frame), table))
+    return undo_gain(frame, gains)
 
 
 def _as_channels(picture: Picture) -> Picture:

@@ -11,7 +11,7 @@ it.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -60,6 +60,23 @@ def grey(frame: Picture) -> Picture:
     return frame if frame.ndim == 2 else cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)
 
 
+def cut_square(
+    picture: NDArray[Any], centre: tuple[float, float], heading_deg: float, scale: float,
+    size_px: int,
+) -> NDArray[Any]:  # fmt: skip
+    """Return a square of a picture (h, w[, 3]), turned so that a heading points right, and scaled.
+
+    centre: x, y px of the picture, the middle of the square; heading_deg: anticlockwise; size_px:
+    side of the square. Beyond the picture its edge goes on.
+    """
+    transform = cv2.getRotationMatrix2D(centre, -heading_deg, scale)
+    transform[:, 2] += (size_px - 1) / 2 - np.array(centre)
+    return cv2.warpAffine(
+        picture, transform, (size_px, size_px), flags=cv2.INTER_CUBIC,
+        borderMode=cv2.BORDER_REPLICATE,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class CropCamera:
     """Cuts crops from frames of a film or an animation with the same still tank.
@@ -92,14 +109,7 @@ class CropCamera:
         if self.scale < 1:  # what the smaller picture cannot show shall not alias
             box = cv2.GaussianBlur(box, (0, 0), 0.5 * np.sqrt(self.scale**-2 - 1))
         centre = x_px - columns.start, y_px - rows.start
-        transform = cv2.getRotationMatrix2D(centre, -heading_deg, self.scale)
-        transform[:, 2] += (SIZE - 1) / 2 - np.array(centre)
-        return np.asarray(
-            cv2.warpAffine(
-                box, transform, (SIZE, SIZE), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
-            ),
-            np.float32,
-        )
+        return np.asarray(cut_square(box, centre, heading_deg, self.scale, SIZE), np.float32)
 
 
 def cut_crops(

@@ -12,6 +12,7 @@ from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema
 from finloop.edit.schema import EDIT
 from finloop.realism.compare import FilmSample, Sides, Verdict
+from finloop.realism.crops import cut_square
 from finloop.realism.instrument import EditList, Swimming
 from finloop.realism.windows import CHANNELS, WindowCut, Windows
 from finloop.render.gallery import Gallery, fish_by_row
@@ -140,13 +141,8 @@ class CameraView(NamedTuple):
 
         It is turned so that `heading_deg` points to the right.
         """
-        centre = self.x_px, self.y_px
-        transform = cv2.getRotationMatrix2D(centre, -self.heading_deg, size_px / self.width_px)
-        transform[:, 2] += (size_px - 1) / 2 - np.array(centre)
-        picture = cv2.warpAffine(
-            frame, transform, (size_px, size_px), flags=cv2.INTER_CUBIC,
-            borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
+        centre, scale = (self.x_px, self.y_px), size_px / self.width_px
+        picture = cut_square(frame, centre, self.heading_deg, scale, size_px)
         return picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from finloop.base.arrays import Picture
+from finloop.base.light import undo_gain
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME
-from finloop.clip.light import measure_gain, undo_gain
+from finloop.clip.light import measure_gain
 from finloop.clip.shake import to_grey
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.several import list_film_folders
