@@ -50,7 +50,7 @@ class Checkpoints:
         return sum(path.stat().st_size for path in self.folder.glob("*"))
 
     def remove(self) -> None:
-        """Remove all stored results and their folder."""
+        """Remove all stored results and their folder, and the folder above it if that is empty."""
         shutil.rmtree(self.folder, ignore_errors=True)
         with suppress(OSError):  # another run has checkpoints there
             self.folder.parent.rmdir()

@@ -55,7 +55,7 @@ def save_spine(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: i
     slots: list[Json] = []
     skin, deforms, slot_lines, bone_lines = (dict[str, Any]() for _ in range(4))
     for part in parts:
-        motion = _fit_similar_motion(part.vertices, 2 * 10.0**-morph.decimals)
+        motion = _fit_rotation_and_scale(part.vertices, 2 * 10.0**-morph.decimals)
         first = part.vertices[0]
         names = [part.name, *(f"{part.name}:{k}" for k in range(2, len(part.meshes) + 1))]
         bone, poses = "root", part.vertices
@@ -199,12 +199,12 @@ def _slot_colours(
 def _find_meshes(
     stack: Points, sizes: Sequence[int]
 ) -> tuple[list[tuple[int, int, Ints]], int, int]:
-    """Return the triangles of contours (f, n, 2) for runs of frames in which no triangle flips.
+    """Triangulate contours (f, n, 2) in runs of frames in which no triangle flips; count failures.
 
     A run is its first and last frame and its triangles (t, 3); the next run begins where it ends. A
-    triangle flips if it changes its side, also between frames. sizes: numbers of vertices. Two
-    counts follow: frames from which to the next one some triangles must flip; and frames whose
-    contours meet, which have the triangles of the run before.
+    triangle flips if it changes its side, also between frames. sizes: number of vertices of each
+    contour. Two counts follow: frames from which to the next one some triangles must flip; and
+    frames whose contours meet, which have the triangles of the run before.
     """
     runs = list[tuple[int, int, Ints]]()
     flawed = rough = frame = 0
@@ -274,7 +274,11 @@ def _build_stroke_mesh(morph: Morph, shapes: Sequence[Shape], frames: Sequence[i
 
 
 def _half_widths(paint: Paint, points: Points, closed: bool) -> Floats:
-    """Return half the width of a stroke at points (n, 2): 0 in gaps along cuts or at lost holes."""
+    """Return half the width of a stroke at points (n, 2); 0 where a line is cut open.
+
+    A morph stores such openings, at cuts and lost holes, as gaps of dashes (`Paint.leaves_gaps`).
+    Gaps of ordinary dashes do not count.
+    """
     half = np.full(len(points), paint.width / 2)
     if not (paint.leaves_gaps and paint.dashes):
         return half
@@ -321,7 +325,7 @@ def _stroke_outline(points: Points, closed: bool, half_widths: Floats) -> Points
 # --- what moves like a rigid body
 
 
-def _fit_similar_motion(stack: Points, tolerance: float) -> tuple[Complex, Points] | None:
+def _fit_rotation_and_scale(stack: Points, tolerance: float) -> tuple[Complex, Points] | None:
     """Fit rotation, scaling and shift from the first frame to each; None if a vertex is far off.
 
     stack (f, v, 2): vertices in every frame. Rotation and scaling come back as complex factors

@@ -382,7 +382,7 @@ def _shown_shapes(
     around: the context of the element. place: width and height that a `use` gives to a viewport.
     """
     tag = local_name(element)
-    if tag not in (*_GROUPS, *_SHAPES, "use", "switch", "text", "symbol") or not _fits(element):
+    if tag not in (*_GROUPS, *_SHAPES, "use", "switch", "text", "symbol") or not _applies(element):
         return
     own_id = _decode_id(element.get("id", ""))
     name = own_id or around.name
@@ -413,16 +413,16 @@ def _shown_shapes(
             children = list(element)
             if tag == "switch":
                 kinds = (*_GROUPS, *_SHAPES, "use", "switch", "text", "image")
-                children = [c for c in children if local_name(c) in kinds and _fits(c)][:1]
+                children = [c for c in children if local_name(c) in kinds and _applies(c)][:1]
             for child in children:
                 if local_name(child) != "symbol":
                     yield from _shown_shapes(document, child, group, problems)
 
 
-def _fits(element: ElementTree.Element) -> bool:
-    """Return whether an element is for all viewers: it needs no extension, its language is English.
+def _applies(element: ElementTree.Element) -> bool:
+    """Return whether an element applies here: it needs no extension, and its language is English.
 
-    No language counts as English.
+    An element that states no language counts as English.
     """
     languages = element.get("systemLanguage", "en").lower().split(",")
     return "requiredExtensions" not in element.attrib and any(

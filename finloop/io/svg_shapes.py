@@ -25,15 +25,18 @@ _MOST_PIECES = 500  # pieces of one curved segment
 def read_attribute(
     element: ElementTree.Element, values: Mapping[str, str], key: str, usual: str = ""
 ) -> str:
-    """Return a length that a style or an attribute states, by its key."""
+    """Return what a style or an attribute states for a length, as text; `usual` if neither does.
+
+    values: the element's styles. key: name of the property, such as "width".
+    """
     styled = values.get(key, "auto")
     return styled if styled != "auto" else element.get(key) or usual
 
 
 def find_area_edges(curves: Sequence[Curve]) -> list[bool]:
-    """Return of each contour whether its area ends there by the rule `nonzero`.
+    """Return for each contour whether it bounds the filled area, by SVG's rule `nonzero`.
 
-    Where contours cross, all of them are edges: the even-odd rule paints them.
+    Where contours cross, all of them count as bounds: the even-odd rule paints them.
     """
     if not all((np.abs(curve.points) <= LARGEST).all() for curve in curves):
         return [True] * len(curves)  # refused later, by name
@@ -57,9 +60,10 @@ def find_area_edges(curves: Sequence[Curve]) -> list[bool]:
 
 
 def _are_inside(points: Points, around: Points) -> Mask:
-    """Return whether places (k,) along a contour (n, 2) are inside another one (m, 2).
+    """Return whether points along a contour (n, 2) lie inside another one (m, 2), as a mask (k,).
 
-    Places on the other contour say nothing, and are left out.
+    The points are some vertices and middles of edges. Those that lie on the other contour are left
+    out.
     """
     every = max(1, len(points) // _FEW)
     middles = (points + np.roll(points, -1, axis=0)) / 2

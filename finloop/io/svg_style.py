@@ -57,7 +57,7 @@ _UNITS = {"": 1.0, "px": 1.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "q":
 
 
 class UnreadableValueError(ValueError):
-    """Error of a property whose value cannot be read; its text is both."""
+    """Error of a property whose value cannot be read; its text states both of them."""
 
 
 # --- the cascade

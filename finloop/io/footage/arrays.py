@@ -21,7 +21,7 @@ _WANTED = "one array of pictures: frames × height × width, or × 3 for RGB"
 
 
 def is_array_file(path: Path) -> bool:
-    """Return whether `open_array` can open a file: .npy of NumPy, or HDF5, as MATLAB 7.3 writes.
+    """Return whether `open_film_array` can open a file: .npy, or HDF5, as MATLAB 7.3 writes it.
 
     HDF5 is known by its ending or its first bytes. FinloopError for what must be converted first:
     .npz of NumPy, older files of MATLAB, and recordings of Norpix.
@@ -52,7 +52,7 @@ def is_array_file(path: Path) -> bool:
 
 
 @contextmanager
-def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
+def open_film_array(path: Path) -> Iterator[tuple[Any, float | None]]:
     """Open a NumPy or HDF5 file for a block; yield its array of pictures and its frames per second.
 
     Nothing is read yet. The array is (frames, h, w), (frames, h, w, c) or (frames, c, h, w); in a
@@ -78,7 +78,7 @@ def open_array(path: Path) -> Iterator[tuple[Any, float | None]]:
 def frame_of_array(array: Any, number: int) -> Picture:
     """Return one frame of a film array as a picture, (h, w) grey or (h, w, 3) RGB.
 
-    array: from `open_array`. number: of the frame, from 0.
+    array: from `open_film_array`. number: of the frame, from 0.
     """
     frame = np.asarray(array[number])
     if frame.ndim == 3 and frame.shape[2] not in _CHANNELS:  # channels first
@@ -116,7 +116,7 @@ def _find_dataset(path: Path, file: Any) -> tuple[Any, float | None]:
 def _can_be_film(array: Any) -> bool:
     """Return whether an array can be a film: two frames or more, of at least 16 px a side.
 
-    Its axes are those of `open_array`.
+    Its axes are those of `open_film_array`.
     """
     shape = list(array.shape)
     if len(shape) == 4:

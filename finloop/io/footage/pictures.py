@@ -19,7 +19,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads, ordered_map
 from finloop.base.stretches import spread_rows
 from finloop.base.thin import thin_frame
-from finloop.io.footage.arrays import frame_of_array, open_array
+from finloop.io.footage.arrays import frame_of_array, open_film_array
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
     SAMPLES,
@@ -70,7 +70,7 @@ def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
         with _open_stack(path, has_rate) as album:
             yield album
     else:
-        with open_array(path) as (array, rate):
+        with open_film_array(path) as (array, rate):
             numbers = np.arange(len(array))
             names = [f"{path}, frame {k + 1}," for k in numbers]
             times = numbers / rate if rate and not has_rate else None
@@ -284,10 +284,11 @@ def _several_series_error(folder: Path, sizes: dict[str, int]) -> FinloopError:
 
 
 def _find_frame_numbers(folder: Path, pictures: list[Path]) -> tuple[Ints, int]:
-    """Return the frame numbers (n,) of pictures by their names, the first 0; and `_count_parts`.
+    """Return pictures' frame numbers (n,), the first 0, and the film's number of parts or 0.
 
-    pictures: of one series, in order. They count as consecutive unless their names differ in one
-    number, whose steps are whole multiples of the usual one. FinloopError for the pictures of two
+    pictures: of one series, in order. The numbers are those in the files' names. They are
+    consecutive unless the names differ in one number, whose steps are whole multiples of the usual
+    one. 0 parts: the names do not tell, see `_count_parts`. FinloopError for the pictures of two
     cameras, and for two pictures of one number.
     """
     numbers_in_names = [[*map(int, re.findall(r"\d+", file.stem))] for file in pictures]
@@ -317,7 +318,7 @@ def _find_frame_numbers(folder: Path, pictures: list[Path]) -> tuple[Ints, int]:
 
 
 def _count_parts(folder: Path, pictures: list[Path], camera: Floats, number: Floats) -> int:
-    """Return how many parts a film has, as s1_0, s1_1, …, s2_0, …; 0 if the names do not tell.
+    """Return how many parts a film has by its names s1_0, s1_1, …, s2_0, …; 0 if they do not tell.
 
     FinloopError if the pictures are of several cameras. camera, number (n,): two numbers in the
     name of each picture, in which the names differ; the one of fewer values is the camera's.
@@ -335,19 +336,19 @@ def _count_parts(folder: Path, pictures: list[Path], camera: Floats, number: Flo
     is_counted = len(shared) > max(1, (1 - _FEW) * most) and np.diff(shared).min() == 1
     if not is_counted:
         return 0
-    if not _do_go_on(pictures, camera):
+    if not _are_parts_consecutive(pictures, camera):
         examples = {value: pictures[int(np.argmax(camera == value))].name for value in cameras}
         sizes = {f"like {name}": len(numbers_of[value]) for value, name in examples.items()}
         raise _several_series_error(folder, sizes)
     return len(cameras)
 
 
-def _do_go_on(pictures: list[Path], part: Floats) -> bool:
-    """Return whether the first picture of each part of a film goes on from the last one before it.
+def _are_parts_consecutive(pictures: list[Path], part: Floats) -> bool:
+    """Return whether each part of a film begins where the part before it ends.
 
-    The change from one to the other is nearer to that of a step within a part than to that from a
-    part's beginning to its end. pictures: in order; part (n,): the number of each one's part; False
-    if these do not ascend.
+    It does if the pictures on both sides of the border differ about as little as neighbours within
+    a part, not as much as a part's first and last one. pictures: in order; part (n,): the number of
+    each one's part; False if these do not ascend.
     """
     starts = np.flatnonzero(np.diff(part, prepend=-1))  # the first picture of each part
     if (np.diff(part) < 0).any() or np.diff(starts).min() < 3:
