@@ -156,7 +156,9 @@ def test_rings_say_what_zones_say():
     seen = FILM.visible_neighbours(rows)
     rings = NeighbourSums(seen, [0.0, 0.5, 2.0, 8.0], 90.0)
     for radii in [(0.5, 2.0, 8.0), (0.0, 0.0, 8.0), (0.5, 0.5, 0.5), (0.0, 2.0, 2.0)]:
-        assert rings.zone_pulls(radii) == pytest.approx(zone_pulls(seen, radii, 90.0), abs=1e-9)
+        assert rings.mean_zone_directions(radii) == pytest.approx(
+            zone_pulls(seen, radii, 90.0), abs=1e-9
+        )
 
 
 def test_regression_leaves_out_what_would_be_negative():

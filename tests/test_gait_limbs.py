@@ -7,7 +7,13 @@ from toy_dog import fill, true_masks
 
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area_centroids, signed_area
-from finloop.drawn.dog.walk import NAMES, DogFilm, body_origins_px, frame_phases, true_limb_contours
+from finloop.drawn.dog.walk import (
+    NAMES,
+    DogFilm,
+    frame_phases,
+    standing_points_px,
+    true_limb_contours,
+)
 from finloop.gait.limbs import (
     BORDER,
     EMPTY,
@@ -137,11 +143,11 @@ def test_limbs_of_the_drawn_dog_lie_on_its_exact_contours(whole):
     for name in NAMES:
         for k in range(0, DOG.frames, 6):
             here = whole.points[name][k] + whole.course[k]
-            far, _ = cKDTree(exact[name][k] + body_origins_px(DOG)[k]).query(here)
+            far, _ = cKDTree(exact[name][k] + standing_points_px(DOG)[k]).query(here)
             assert np.sqrt((far**2).mean()) < 0.25  # px
     assert whole.length_px == pytest.approx(1.52 * DOG.trunk_px, rel=0.02)
     # The course is that of the body but for a constant.
-    off = whole.course - body_origins_px(DOG)
+    off = whole.course - standing_points_px(DOG)
     assert np.ptp(off, axis=0) == pytest.approx([0, 0], abs=0.35)
 
 

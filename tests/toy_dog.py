@@ -21,7 +21,7 @@ def true_masks(dog, frame):
 
     So a person would trace them.
     """
-    phase, origin = float(walk.frame_phases(dog)[frame]), walk.body_origins_px(dog)[frame]
+    phase, origin = float(walk.frame_phases(dog)[frame]), walk.standing_points_px(dog)[frame]
     parts = {name: walk.limb_contours_at(dog, name, np.array(phase), POINTS) for name in walk.NAMES}
     parts["body"] = walk.part_contour(dog, phase, BODY, POINTS)
     size = dog.height_px, dog.width_px

@@ -90,9 +90,10 @@ class FilmGroup:
         )
 
     def relative_headings(self, rows: Ints) -> Complex:
-        """Return how the fish in k rows turn within the horizon: complex unit vectors (k,).
+        """Return the later headings of the fish in k rows, relative to now: unit vectors (k,).
 
-        1 = not turned, i = turned left by 90°. Every row must have a `later` one.
+        They are complex: 1 = not turned, i = turned left by 90°. Later is `horizon_frames` later:
+        every row must have a `later` one.
         """
         return self.heading[self.later[rows]] * self.heading[rows].conj()
 

@@ -102,7 +102,7 @@ def _choose_zones(
     for angle in map(float, blind_angles):
         sums = NeighbourSums(seen, all_radii, angle)
         for radii in choices:
-            pulls = sums.zone_pulls(radii)
+            pulls = sums.mean_zone_directions(radii)
             error = cross_validate(pulls, wall, after, fixed, is_first_part)
             # Of zones that are equally good but for rounding, the first, smaller ones are taken.
             if best is None or error < best.error * (1 - _EQUAL):
@@ -187,11 +187,12 @@ class NeighbourSums:
         self._headings = _sum_within(seen.heading, visible)
         self._bearings = _sum_within(seen.bearing, visible)
 
-    def zone_pulls(self, radii: tuple[float, float, float]) -> Complex:
-        """Return the unweighted pulls (n, 3) of the neighbours in each of three zones.
+    def mean_zone_directions(self, radii: tuple[float, float, float]) -> Complex:
+        """Return the mean direction (n, 3), complex: away from, along with and towards neighbours.
 
-        radii: outer ones, in body lengths, each one of the listed radii. The pulls equal those of
-        `zone_pulls`.
+        The three are for repulsion, alignment and attraction; the last two are 0 while a fish is in
+        the first zone. They equal those of `finloop.social.zones.zone_pulls`, but come from stored
+        sums. radii: of the zones, each one of those given to the constructor.
         """
         inner, middle, outer = (self._number_of[radius] for radius in radii)
         is_unrepelled = self._all_bearings.counts[:, inner] == 0

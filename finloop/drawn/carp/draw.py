@@ -301,10 +301,7 @@ def _paint_fin(
 
 
 def blur_drawing(drawing: CarpPicture) -> tuple[Image, Image]:
-    """Return premultiplied colour (h, w, 3) and opacity (h, w) of a carp, blurred as by a lens.
-
-    The colour is premultiplied RGB.
-    """
+    """Return a carp's premultiplied RGB (h, w, 3) and opacity (h, w), blurred as by a lens."""
     return (
         np.asarray(cv2.GaussianBlur(drawing.colour, (0, 0), BLUR_PX), np.float32),
         np.asarray(cv2.GaussianBlur(drawing.opacity, (0, 0), BLUR_PX), np.float32),

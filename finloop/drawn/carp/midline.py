@@ -101,7 +101,7 @@ def midline_heading(line: Floats) -> float:
 
 
 def midline_curvature(line: Floats) -> float:
-    """Return a midline's total bend: direction at the head minus at the tail, degrees, + left.
+    """Return by how many degrees a midline turns from its tail to its head, + to the left.
 
     line (k, 2): head to tail, y down.
     """

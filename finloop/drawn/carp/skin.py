@@ -175,7 +175,7 @@ def _paint_patches(places: _BodyCoordinates, coat: int, rng: np.random.Generator
 
 
 def _scales_light(places: _BodyCoordinates) -> Image:
-    """Return the factor by which the scales change the light of each pixel."""
+    """Return by how much the scales brighten each pixel of the skin, a factor (rows, columns)."""
     s, v, _ = places
     size = 0.026
     scale_row = np.floor(v / (size * 0.5))

@@ -14,12 +14,12 @@ from finloop.base.errors import FinloopError
 from finloop.drawn.dog.shape import BODY, EAR, EYE, HEAD, NOSE, TAIL
 from finloop.drawn.dog.walk import (
     DogFilm,
-    body_origins_px,
     camera_offsets_px,
     frame_phases,
     limb_contours_at,
     part_contour,
     spot_position,
+    standing_points_px,
 )
 
 POINTS = 256
@@ -58,7 +58,7 @@ def _paint_frame(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Pict
     tufts (k, 3), hills (m, 2): as in `_paint_landscape`.
     """
     picture = np.empty((dog.height_px, dog.width_px, 3), np.uint8)
-    origin = body_origins_px(dog)[frame]
+    origin = standing_points_px(dog)[frame]
     horizon = round(origin[1] - 0.42 * dog.trunk_px)
     _paint_landscape(picture, horizon, camera_offsets_px(dog)[frame], tufts, hills)
     phase = float(frame_phases(dog)[frame])

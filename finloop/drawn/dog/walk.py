@@ -169,8 +169,11 @@ def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: 
     return result
 
 
-def body_origins_px(dog: DogFilm) -> Floats:
-    """Return the position (frames, 2) px of the body frame's origin in each picture."""
+def standing_points_px(dog: DogFilm) -> Floats:
+    """Return where the dog stands in each picture, (frames, 2) px: the ground below its trunk.
+
+    It is the origin of the body frame, see the top of this file.
+    """
     # The camera follows only a share of the dog's motion, `pan`; the rest is seen in the picture.
     travel = 2 * dog.stride * dog.trunk_px * frame_phases(dog) * (1 - dog.pan)
     middle = 0.47 * dog.width_px - travel[-1] / 2
