@@ -99,7 +99,10 @@ class Morph:
 
     @property
     def end_frame(self) -> int:
-        """Return the frame after the last: 0 for a morph there and back, else −1, the last."""
+        """Return the index of the frame after the last: 0 for a morph there and back, else −1.
+
+        −1 stands for the last frame itself, which stays.
+        """
         return 0 if self.tau[-1] < self.tau.max() else -1
 
     def take_frames(self, frames: Ints) -> "Morph":

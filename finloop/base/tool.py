@@ -54,8 +54,9 @@ def add_resolution_options(
 ) -> None:
     """Add the options --level and --wavelet, which say how coarse contours are, to a parser.
 
-    other_use: what else the wavelet is of, "" if nothing; usual_wavelet: without the option, in
-    words. The options are 0 and None where they are not given.
+    other_use: what else the wavelet is used for, "" if nothing. usual_wavelet: the wavelet that is
+    taken without the option. Both are words for the help text. Options that are not given are 0 and
+    None.
     """
     parser.add_argument(
         "--level",

@@ -69,8 +69,8 @@ def resample_curve(curve: Curve, n: int) -> Curve:
 def nearest_on_curve(points: Floats, curve: Curve) -> tuple[Floats, Floats]:
     """Return the nearest position (m,) on a curve for each point (m, 2), and the gap (m, 2).
 
-    A place is the number of a point of the curve plus the share of the way to the next. A gap leads
-    from the place to the point.
+    A position is the number of a point of the curve plus the share of the way to the next. A gap
+    leads from there to the given point.
     """
     line = curve.points
     start = line if curve.closed else line[:-1]

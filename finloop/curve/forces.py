@@ -276,10 +276,10 @@ def _constrain(state: Floats, rest: Floats, forces: Forces, holds: Sequence[_Hol
 
 
 def find_rest_time(motion: Trajectory) -> float | None:
-    """Return the time from which on a curve is at rest; None if it is not at the end.
+    """Return the time from which on a curve is at rest; None if it still moves at the end.
 
-    Speeds are the RMS of all points, from each time to the next, as a viewer sees them. None if the
-    curve does not come to rest.
+    Speeds are the RMS of all points, from each time to the next, as a viewer sees them. At rest is
+    a curve with at most the share AT_REST of its greatest speed.
     """
     steps = np.diff(motion.displacement, axis=0)
     speed = np.sqrt((steps**2).mean(axis=(1, 2))) / np.diff(motion.times)

@@ -209,12 +209,15 @@ def find_frame_kinds(features: pd.DataFrame, reference: str) -> Ints:
 
 
 def find_comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
-    """Return which pairs (n, n) are compared: equal kinds (Eq. 7), similar motion areas (Eq. 8)."""
+    """Return a mask (n, n) of the pairs to compare: equal kinds and similar motion areas.
+
+    Kinds are those of Eq. 7, areas those of Eq. 8.
+    """
     return (kind[:, None] == kind) & _have_similar_areas(area, area, threshold)
 
 
 def _have_similar_areas(a: Reals, b: Reals, threshold: float) -> Mask:
-    """Return which pairs (n, m) of motion areas (n,) and (m,) differ by at most `threshold`."""
+    """Return a mask (n, m) of the motion areas (n,) and (m,) that differ by at most `threshold`."""
     return np.abs(a.astype(float)[:, None] - b.astype(float)) <= threshold
 
 

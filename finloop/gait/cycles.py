@@ -106,8 +106,9 @@ def _find_limb_period(limbs: Limbs, frame_rate_hz: float) -> Period:
 def _key_1_signal(points: dict[str, Floats]) -> Floats:
     """Return a signal (frames,) that is greatest at key frame 1 of a walk.
 
-    There the right fore and left hind limbs are foremost, the others hindmost. points: contours
-    (frames, n, 2) by id, x forward. Ids without "hind" count as fore, without "right" as left.
+    It grows as the right fore and left hind limbs come forward and the others go back. points:
+    contours (frames, n, 2) by id, x forward. Ids without "hind" count as fore, without "right" as
+    left.
     """
     signal = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():

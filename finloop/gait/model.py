@@ -277,7 +277,7 @@ class Descriptor(NamedTuple):
     def contours(self, coefficients: Points, n: int, closed: bool = True) -> Points:
         """Return the contours (…, n, 2) with given coefficients: the inverse of `coefficients`.
 
-        This undoes `coefficients`.
+        coefficients: (…, n, 2), of an open contour (…, 2n, 2).
         """
         levels = self.count_levels(coefficients.shape[-2], closed)
         return inverse_transform(coefficients, self.wavelet, levels)[..., :n, :]

@@ -130,7 +130,7 @@ def renumber_groups(
 
 @kernel
 def find_endless_rows(has_next, end, start, to):  # type: ignore[no-untyped-def]
-    """Return from which rows (n,) the film can play for ever, by playing on or jumping.
+    """Return a mask (n,) of the rows from which the film can play for ever, on or by jumps.
 
     has_next (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for
     none; from end k the film can jump to `to[start[k]:start[k + 1]]`. Rows without a successor are
@@ -162,9 +162,9 @@ def _has_endless_future(
     track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
     to: NDArray[np.int32],
 ) -> Mask:  # fmt: skip
-    """Return after which feature rows (n,) the film can play for ever, by playing on or jumping.
+    """Return a mask (n,) of the feature rows after which the film can play for ever.
 
-    track_id (n,): of every row; ends, start, to: as in `LoopGraph`.
+    It plays on or jumps. track_id (n,): of every row; ends, start, to: as in `LoopGraph`.
     """
     has_next = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)
@@ -174,15 +174,15 @@ def _has_endless_future(
 
 
 def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
-    """Return after which feature rows (n,) a film can play for ever, with the jumps of a graph.
+    """Return a mask (n,) of the feature rows after which a film can play for ever.
 
-    track_id (n,): of every row.
+    It plays on, or takes the jumps of the graph. track_id (n,): of every row.
     """
     return _has_endless_future(track_id, graph.ends, graph.start, graph.to)
 
 
 def rows_of_largest_component(graph: LoopGraph, row_count: int) -> Mask:
-    """Return which feature rows (row_count,) lie in the largest component of the loop graph.
+    """Return a mask (row_count,) of the feature rows in the largest component of the loop graph.
 
     A component is film of which every part can be reached from every other by playing and jumping.
     """

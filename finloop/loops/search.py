@@ -185,7 +185,7 @@ def filter_diagonals(
 
 @kernel
 def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # type: ignore[no-untyped-def]
-    """Return which pairs (a, b) of frames, (pairs,), are local minima of the filtered distance.
+    """Return a mask (pairs,) of the pairs (a, b) that are local minima of the filtered distance.
 
     pairs: a `SparseDistanceMap`; filtered: from `filter_diagonals`; track: of every feature row.
     Each is the smallest within `radius_frames` along a and along b, inside the two tracks; of equal
@@ -223,7 +223,7 @@ def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # t
 
 @kernel
 def choose_best_loops(a, b, most_per_end):  # type: ignore[no-untyped-def]
-    """Return which loops (n,) to keep so that no frame is an end of too many loops.
+    """Return a mask (n,) of the loops to keep so that no frame is an end of too many of them.
 
     a, b (n,): the loops' ends (feature rows), the best loop first.
     """
@@ -312,7 +312,7 @@ def _explain_no_loops(
 
 
 def find_improper_loops(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
-    """Return which loops (n,) are improper: the fish travels against its heading (Fig. 13).
+    """Return a mask (n,) of the improper loops: the fish travels against its heading (Fig. 13).
 
     a, b (n,): the loops' ends, feature rows. Travel and heading differ by more than `most_deg` over
     the loop, at its end a or at its end b: head and tail may be swapped there, or the fish drifts.

@@ -192,9 +192,10 @@ def _thin_silhouette(
 
 
 def _masks_with_pale_pixels(silhouette: Silhouette) -> tuple[Mask, Mask, int, int]:
-    """Return masks (h, w) of a silhouette without and with its pale pixels, and left and top.
+    """Return a silhouette's masks (h, w) without and with pale pixels, and their place x, y px.
 
-    The second is one piece without holes. left, top: x, y px of both in the frame.
+    The second mask is one piece without holes. The place is that of the masks' upper left in the
+    frame.
     """
     # Both masks in the box of the pale pixels, with a margin.
     pale = silhouette.pale or silhouette

@@ -228,11 +228,12 @@ def _figure11_gammas(
     descriptor: Descriptor,
     least_motion: float,
 ) -> Figure:
-    """Draw Fig. 11 as γ over the number of the coefficient, if a γ is shared as `sharing` says.
+    """Draw Fig. 11 for several γ per limb: γ over the number of the coefficient.
 
-    'o' is subcycle A, 'x' B, see MARKS; the larger a mark, the farther its coefficient moves
-    between the keys. Scales lie between upright lines. Within the grey band, |γ| ≤ 1, f(τ) never
-    turns back. descriptor, least_motion: see `Subcycle.fit_gammas`.
+    sharing: what shares one γ: a scale, a coefficient, or a coordinate of a coefficient. 'o' is
+    subcycle A, 'x' B, see MARKS; the larger a mark, the farther its coefficient moves between the
+    keys. Scales lie between upright lines. Within the grey band, |γ| ≤ 1, f(τ) never turns back.
+    descriptor, least_motion: see `Subcycle.fit_gammas`.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     coordinates = "xy" if sharing == "coordinate" else " "

@@ -75,10 +75,10 @@ def find_three_routes(loops: pd.DataFrame, track_id: Rows) -> ThreeRoutes | None
 
 
 def _least_gap_shares(pairs: Ints) -> Floats:
-    """Return the least time between two ends of four loops, relative to the time that they span.
+    """Return how evenly the ends of four loops lie in time: the least gap / the whole span, (n,).
 
-    pairs (n, 4, 2): rows of one track, the ends of n choices of four loops. The share (n,) is 0
-    where the loops do not lie as in the paper, see `find_three_routes`.
+    pairs (n, 4, 2): rows of one track, the ends of n choices of four loops. The share is 0 where
+    the loops do not lie as in the paper, see `find_three_routes`.
     """
     ends = pairs.reshape(-1, 8)
     order = ends.argsort(axis=1, kind="stable")
@@ -213,9 +213,10 @@ def _draw_fish_at_ends(
 
 
 def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> None:
-    """Draw a route over the frames: solid lines are played, each jump leads one level down.
+    """Draw a route over the film's frames as steps: solid lines are played, dotted arrows jump.
 
-    ends: rows of A … H. frame (n,): the frame of each row. A jump is a dotted line with a head.
+    Each jump leads one level down. Loop ends on the route get their letters. ends: rows of the loop
+    ends A … H. frame (n,): the frame of each row.
     """
     # The lines; `level` counts the jumps so far.
     level = 0

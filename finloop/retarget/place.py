@@ -50,7 +50,7 @@ def find_placement(
     """Return the shift (2,) px and the scaling that bring a path into the tank.
 
     bodies (T, k, 2) px: the drawn points of the animal, which keeps its size on a smaller path;
-    arena (h, w): True inside; length_px: body length. The size is 1 unless the placement is
+    arena (h, w): True inside; length_px: body length. The scaling is 1 unless the placement is
     "shrink"; placement "given" moves nothing. FinloopError if the path fits nowhere.
     """
     if p.placement == "given":

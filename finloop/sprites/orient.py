@@ -201,8 +201,7 @@ def turn_cutout(
 def trim_picture(pixels: NDArray[np.uint8]) -> tuple[int, int, NDArray[np.uint8]]:
     """Trim a picture to its visible pixels; return left and top of the part, px, and the part.
 
-    The last channel is alpha; a wholly
-    transparent picture is trimmed to its first pixel.
+    The last channel is alpha. A wholly transparent picture is trimmed to its first pixel.
     """
     left, top, width, height = cv2.boundingRect(np.ascontiguousarray(pixels[..., -1]))
     bottom, right = top + max(height, 1), left + max(width, 1)
