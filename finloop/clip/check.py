@@ -272,13 +272,13 @@ def _examine_frames(
 
 
 def measure_field_order(before: Picture, after: Picture) -> float:
-    """Return above 0 if the upper field of interlaced film is earlier, below 0 if the lower is.
+    """Return a number above 0 if interlaced film's upper field is earlier, below 0 if the lower is.
 
-    The number is up to ±0.8, and 0 for whole pictures;
-    NaN if too little moved. before, after: two successive grey frames (h, w). In interlaced film
-    two fields, the even and the odd rows, are woven into one picture, though they were taken half a
-    frame apart. From a frame's later field to the next frame's earlier field it is half a frame,
-    from the earlier to the later it is one and a half: the pair that differs less tells the order.
+    It is up to ±0.8, and 0 for whole pictures; NaN if too little moved. before, after: two
+    successive grey frames (h, w). In interlaced film two fields, the even and the odd rows, are
+    woven into one picture, though they were taken half a frame apart. From a frame's later field to
+    the next frame's earlier field it is half a frame, from the earlier to the later it is one and a
+    half: the pair that differs less tells the order.
     """
     pair = [picture[:, ::_FIELD_THIN].astype(np.float32) for picture in (before, after)]
     motion = np.abs(pair[1] - pair[0]) >= _MOTION

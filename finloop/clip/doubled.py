@@ -108,10 +108,11 @@ def _small_change_limits(changes: Floats) -> tuple[Floats, Floats]:
 
 
 def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
-    """Find the regular rhythm in which a rate conversion has doubled frames.
+    """Fit the regular rhythm of doubled frames that a conversion of the frame rate leaves.
 
-    Return the number of new pictures per frame, the number of each frame's picture (frames,), and
-    the doubled frames. decidable, doubled: masks (frames,) where enough moves, and what is doubled
+    It always finds one; the caller checks whether it fits. Return the number of new pictures per
+    frame, 0 … 1, the number of each frame's picture (frames,), and which frames the rhythm says are
+    doubled (frames,). decidable, doubled: masks (frames,) where enough moves, and what is doubled
     there.
     """
     # The rarer kind of frames, doubled or new, has the simpler rhythm: one comes with each beat,

@@ -219,10 +219,11 @@ def _parts_by_place(
     pairs: Mapping[str, str],
     left: Sequence[str],
 ) -> dict[str, list[str]]:
-    """Return unpaired shapes that are further parts of a shape's partner, by the shape's id.
+    """Return ids of unpaired shapes that are further pieces of a whole shape, by the whole's id.
 
-    whole, parts: drawings and their shapes; pairs: from whole to parts; left: ids of parts. They
-    have the fill of the partner, lie beside it, and together they fill the place of the whole.
+    They have the fill of the shape that the whole is paired with, lie beside it, and together they
+    fill the place of the whole. whole, parts: drawings and their shapes; pairs: from whole to
+    parts; left: ids of unpaired parts.
     """
     found = dict[str, list[str]]()
     names = list(pairs)
@@ -461,9 +462,10 @@ def _distances(places: Points, contours: Sequence[Curve]) -> Floats:
 def _join_shapes(
     first: tuple[Drawing, Sequence[str]], second: tuple[Drawing, Sequence[str]]
 ) -> list[_Row]:
-    """Return the rows of shapes that become each other: one and one, or one and several.
+    """Return a `_Row` for each two shapes, or pieces of shapes, that become each other.
 
-    first, second: drawings, and the ids of their shapes. FinloopError if a shape cannot be cut.
+    first, second: drawings, and the ids of their shapes: one each, or one and several. FinloopError
+    if a shape cannot be cut.
     """
     sides = [
         [(name, contours) for name in names for contours in [shape_contours(drawing)[name]]]
@@ -499,7 +501,7 @@ def _join_regions(
     a: Drawing, b: Drawing,
     first: Sequence[tuple[str, Region]], second: Sequence[tuple[str, Region]], by_one: bool,
 ) -> list[_Row]:  # fmt: skip
-    """Return the rows of regions that become each other.
+    """Return a `_Row` for each two regions, or pieces of regions, that become each other.
 
     by_one: whether rows have the ids of the second drawing, else those of the first.
     """
@@ -532,7 +534,7 @@ def _join_kinds(
     a: Drawing, b: Drawing,
     first: Sequence[tuple[str, list[Curve]]], second: Sequence[tuple[str, list[Curve]]],
 ) -> list[_Row]:  # fmt: skip
-    """Return the rows of shapes with open contours: lines become lines, and regions regions.
+    """Return the `_Row`s of shapes with open contours: lines become lines, and regions regions.
 
     If one drawing has only lines and the other one only regions, lines close to regions without
     holes. A part without a partner vanishes, or appears. first, second: contours by the ids of
@@ -593,7 +595,7 @@ def _require_no_line_inside(
 
 
 def _join_lines(first: _Parts, second: _Parts, by_one: bool) -> list[_Row]:
-    """Return the rows of lines that become lines: one becomes one, or several, or the reverse.
+    """Return a `_Row` for each two lines, or pieces of lines, that become each other.
 
     by_one: whether rows have the ids of the second drawing.
     """
@@ -622,9 +624,10 @@ def _take_side(
     side: int,
     pins: Mapping[str, Pins],
 ) -> Drawing:
-    """Return a drawing with the shapes of rows, those of the other drawing as small as points.
+    """Return one drawing with the shapes of all rows; those that it lacks are as small as points.
 
-    side: 0 for the first drawing, 1 for the second; pins: by the names of rows.
+    other: the other drawing, from which these come. side: 0 for the first drawing, 1 for the
+    second; pins: by the names of rows.
     """
     curves, cuts = dict[str, Curve](), dict[str, Points]()
     styles, groups = dict[str, Paint](), dict[str, tuple[str, ...]]()

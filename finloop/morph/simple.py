@@ -192,10 +192,12 @@ def _candidate_starts(a: Points, b: Points) -> list[int]:
 def _find_shortest_path(
     a: Points, b: Points, layout: ContourLayout, limit: float
 ) -> tuple[float, Points] | None:
-    """Return length and poses (m, n, 2) of the shortest path a → a_i → b_j → b without folds.
+    """Return length and poses (m, n, 2) of a nearly shortest path a → a_i → b_j → b without folds.
 
-    a, b (k, n, 2): poses of both curves, simplified step by step. None if no path is shorter than
-    `limit`. If two poses cannot be joined, all pairs of less simplified poses are skipped too.
+    a, b (k, n, 2): poses of both curves, simplified step by step. The length is that of the
+    shortest path; the poses may leave both curves one pose later, where that has no folds either.
+    None if no path is shorter than `limit`. If two poses cannot be joined, all pairs of less
+    simplified poses are skipped too.
     """
     before, after = path_lengths(a), path_lengths(b)
     length = before[:, None] + _pose_distances(a, b) + after

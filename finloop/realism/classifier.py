@@ -61,7 +61,7 @@ def score_held_out_windows(
 
 
 def learnable_blocks(both: Windows, is_animation: Mask) -> Iterator[tuple[Mask, Mask]]:
-    """Yield for each block which of n windows a classifier learns from, and which it tests.
+    """Yield two masks (n,) for each block: windows to learn from, and windows to test.
 
     A block that tests none, or would learn from only film or only animation, is left out.
     """
@@ -72,7 +72,10 @@ def learnable_blocks(both: Windows, is_animation: Mask) -> Iterator[tuple[Mask, 
 
 
 def _make_classifier(p: RealismSettings, share: float) -> Any:
-    """Return a classifier of scikit-learn that has not learnt yet; share: as above."""
+    """Return a classifier of scikit-learn that has not learnt yet.
+
+    share: of the numbers of a window, that each branch of a tree may use.
+    """
     # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier
 

@@ -75,11 +75,12 @@ class FilmSample:
         return window_cut_from_deltas(length, stride, self.p.step, self.delta)
 
     def cut_windows(self, swimming: Swimming, blocks: Blocks, used: Mask | None = None) -> Windows:
-        """Return windows of film or animation, each assigned to a block of time.
+        """Cut swimming into windows of what `view` shows, each with its block of time.
 
         swimming: n measured ticks. used (n,): True for ticks to use, None for all. A tick with a
         frame of the film belongs to one of the `blocks` of the film's time; one with a sprite to a
-        block of the time that the animation has played.
+        block of the time that the animation has played, in blocks of equally many ticks. Windows
+        also name their cluster, and the blocks near which they lie.
         """
         p = self.p
         # A classifier learns nothing within a window's length of its block.

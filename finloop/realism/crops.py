@@ -140,11 +140,13 @@ class CropMeter:
     def measure(
         self, frame: Picture, x_px: float, y_px: float, heading_deg: float, alone: bool = False
     ) -> tuple[Floats, Image, Image | None]:
-        """Return PICTURE_CHANNELS (10,) of a tick, its crop, and its change from the tick before.
+        """Return a tick's measures (10,), its crop, and the crop's change from the last tick.
 
-        Crops (SIZE, SIZE) lack the still tank and are shares of the tank's light. At the first tick
-        there is no change, and the last channel is NaN. alone: give NaN where the crop seems to
-        show another animal, too, a detached piece of a quarter of the typical size.
+        Call it in the order of ticks: at the first one there is no change. The measures are those
+        of PICTURE_CHANNELS. All but the last are NaN if no fish can be measured; the last one is
+        the change's, NaN without a change. Crops (SIZE, SIZE) lack the still tank and are shares of
+        the tank's light. alone: also measure none where another animal seems to be seen, a detached
+        piece of a quarter of the typical size.
         """
         camera, place = self._camera, (x_px, y_px, heading_deg)
         crop, still = camera.cut(frame, *place), camera.cut(camera.tank, *place)
@@ -243,7 +245,10 @@ class CropCollector:
 
 
 def join_pictures(parts: Sequence[CropSeries]) -> CropSeries:
-    """Return the pictures of several tables, in the order of these tables."""
+    """Join the picture measurements of several animations to one, in their order.
+
+    `crop_rows` are renumbered to the joined ticks.
+    """
     before = np.cumsum([0, *(len(part.channels) for part in parts)])
     rows = [part.crop_rows + start for part, start in zip(parts, before[:-1], strict=True)]
     return CropSeries(
@@ -253,7 +258,7 @@ def join_pictures(parts: Sequence[CropSeries]) -> CropSeries:
 
 
 def rows_with_company(rows: Ints, features: pd.DataFrame, camera: CropCamera) -> Mask:
-    """Return for n rows of the film whether their crops show a part of another tracked fish.
+    """Return a mask (n,) of film rows whose crops show a part of another tracked fish, too.
 
     features: columns of `FEATURES`, of the whole film.
     """

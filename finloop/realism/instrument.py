@@ -183,9 +183,10 @@ class Swimming:
 def join_measurements(
     edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate_hz: float
 ) -> Swimming:
-    """Join the feature tables that were measured from several edit lists, in their order.
+    """Join the measurements of several edit lists to one, as if played one after the other.
 
-    Tracks get unique numbers. tables: one for each of `edits`; their `frame` is the tick.
+    Time runs on, and track numbers become unique. tables: one for each of `edits`; their column
+    `frame` is the tick. rate_hz: ticks per second.
     """
     tables_so_far, rows, ticks_before, tracks_before = [], [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
@@ -262,6 +263,9 @@ def measure_pictures(
 
 
 def rows_to_keep(track_id: Ints, stride: int) -> Mask:
-    """Return which of n rows, track by track, give a crop: one in `stride`, no track's first."""
+    """Return a mask (n,) of the rows whose crops are kept: one in `stride`, no track's first.
+
+    track_id (n,): of each row, track by track.
+    """
     tick = pd.Series(track_id).groupby(track_id, sort=False).cumcount().to_numpy()
     return (tick > 0) & (tick % stride == 1 % stride)

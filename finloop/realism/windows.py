@@ -67,7 +67,7 @@ class Blocks(NamedTuple):
         return self.number[np.clip(stretch, 0, len(self.number) - 1)]
 
     def are_near(self, time_s: Floats, gap_s: float) -> Mask:
-        """Return which of n times lie in each block, or within a gap of it: (n, blocks)."""
+        """Return a mask (n, blocks) of the times (n,) in a block or within a gap of it."""
         near = np.zeros((len(time_s), int(self.number.max()) + 1), bool)
         for number, low, high in zip(self.number, self.edges, self.edges[1:], strict=False):
             near[:, number] |= (time_s > low - gap_s) & (time_s < high + gap_s)
