@@ -58,7 +58,7 @@ class Tank:
         return int(columns[0]), int(rows[0]), int(columns[-1]), int(rows[-1])
 
     def nearest_legal_point(self, x: float, y: float) -> tuple[float, float]:
-        """Return the point x, y px where it is legal, else the legal pixel nearest to it."""
+        """Return x, y px if the fish's centre may be there, else the nearest pixel where it may."""
         row, column = self._nearest_pixel(x, y)
         if self.legal[row, column]:
             return x, y
@@ -70,10 +70,10 @@ class Tank:
         return min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
 
     def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
-        """Return the point x, y px to swim to next: the target, or before it a point in sight.
+        """Return the point x, y px to swim straight to: the target if in sight, else a waypoint.
 
-        x, y, to_x, to_y: px of the fish and of the target. Of the shortest path over legal pixels,
-        on a coarse map of at most 200 cells a side, the point is the farthest in sight.
+        x, y, to_x, to_y: px of the fish and of the target. The waypoint is the farthest in sight of
+        the shortest path round the walls, on a coarse map of at most 200 cells a side.
         """
         if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
@@ -99,11 +99,11 @@ class Tank:
         return cell, skimage.graph.MCP_Geometric(np.where(free, 1.0, 1e6))
 
     def can_swim_straight(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        """Return whether no wall is on the straight line from (x, y) px to (to_x, to_y) px."""
+        """Return whether a fish can swim straight, past no wall, from x, y px to to_x, to_y px."""
         return bool(is_line_legal(self.legal, self.arena, x, y, to_x, to_y))
 
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
-        """Return a random legal pixel x, y; all are equally likely."""
+        """Return a random pixel x, y where the fish's centre may be; all are equally likely."""
         height, width = self.legal.shape
         while True:
             row, column = int(rng.integers(height)), int(rng.integers(width))
@@ -113,13 +113,13 @@ class Tank:
 
 @leaf_kernel
 def is_legal_point(legal: Mask, x: float, y: float) -> bool:
-    """Return whether a point x, y px lies in the picture and on a legal pixel; legal (h, w)."""
+    """Return whether a point x, y px lies on a pixel of `legal` (h, w), where a fish may be."""
     column, row = round(x), round(y)
     return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
 
 
 def are_points_inside(mask: Mask, x: Floats, y: Floats) -> Mask:
-    """Return whether points (…), x, y px, lie in the picture, on a true pixel of a mask (h, w)."""
+    """Return which points x, y px (…) lie on a true pixel of a picture's mask (h, w), as (…)."""
     column, row = np.round(x).astype(int), np.round(y).astype(int)
     inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
     inside[inside] = mask[row[inside], column[inside]]
@@ -128,10 +128,10 @@ def are_points_inside(mask: Mask, x: Floats, y: Floats) -> Mask:
 
 @leaf_kernel
 def is_line_legal(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
-    """Return whether every point of the straight line between two points, px, is legal.
+    """Return whether a fish can swim straight between two points, px, without leaving `legal`.
 
-    legal, arena (h, w). The line may begin beside a wall: up to the first legal point it need only
-    be in the arena.
+    legal (h, w): where its centre may be; arena (h, w): the tank. The line may begin beside a wall:
+    up to the first legal point it need only be in the arena.
     """
     distance = np.hypot(to_x - x, to_y - y)
     steps, was_legal = int(distance / _SIGHT_STEP_PX) + 1, False
@@ -147,7 +147,7 @@ def is_line_legal(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_
 
 @kernel
 def _farthest_in_sight(legal: Mask, arena: Mask, x: float, y: float, points: Floats) -> int:
-    """Return the number of the last point to which a fish at x, y px can swim straight, else 0.
+    """Return the index of the last point to which a fish at x, y px can swim straight; 0 if none.
 
     legal, arena (h, w); points (n, 2): x, y px.
     """
@@ -200,20 +200,20 @@ class FilmHulls:
 
     @cached_property
     def whole_film(self) -> NDArray[np.int32]:
-        """Return the hull of all outlines."""
+        """Return the corners (c, 1, 2), px, of the convex hull of all outlines."""
         hulls = self.halves or [_convex_hull(self.outlines_px)]
         return np.asarray(cv2.convexHull(np.concatenate(hulls)), np.int32)
 
     @cached_property
     def halves(self) -> list[NDArray[np.int32]]:
-        """Return the hulls of the first and the last half of the outlines; [] of one outline."""
+        """Return the hulls' corners of the first and the last half of the outlines; [] for one."""
         half = len(self.outlines_px) // 2
         parts = (self.outlines_px[:half], self.outlines_px[half:]) if half else ()
         return [_convex_hull(part) for part in parts]
 
     @property
     def show_whole_tank(self) -> bool:
-        """Return whether half of the film's outlines fill nearly as much area as all of them.
+        """Return whether more film would hardly show more area: half of it fills nearly as much.
 
         The mean area of the two halves is compared with that of the whole. If False, the animals
         have not been everywhere that they can be: a longer film would show more.
@@ -244,20 +244,20 @@ def is_floor_alike_beyond(floor: Picture, filmed_area: Mask) -> bool:
 def _convex_hull(outlines_px: Reals) -> NDArray[np.int32]:
     """Return the corners (c, 1, 2), whole px, of the convex hull of all outlines (n, k, 2) px.
 
-    Only the ends of each row of pixels are given to OpenCV, which is quicker: see `_row_ends`.
+    OpenCV gets only the outermost points of each row of pixels, which is quicker.
     """
     corners = map_row_blocks(
-        lambda rows: _row_ends(np.asarray(outlines_px[rows]).reshape(-1, 2)), len(outlines_px)
+        lambda rows: _row_extremes(np.asarray(outlines_px[rows]).reshape(-1, 2)), len(outlines_px)
     )
     return np.asarray(cv2.convexHull(np.concatenate(corners)), np.int32)
 
 
 @kernel
-def _row_ends(points: Reals) -> NDArray[np.int32]:
-    """Return the leftmost and rightmost (k, 2) of points (n, 2) in each row of pixels.
+def _row_extremes(points: Reals) -> NDArray[np.int32]:
+    """Return the leftmost and rightmost point, (k, 2) px, of each row of pixels that has points.
 
-    points: x, y px, which are rounded to whole px. Only such points can be corners of the convex
-    hull of all points, which alone would take 15 s for a million outlines.
+    points (n, 2): x, y px, which are rounded to whole px. Only such points can be corners of their
+    convex hull. Computing it from all points instead takes 15 s for a million outlines.
     """
     first_row, last_row = np.inf, -np.inf
     for i in range(len(points)):
@@ -306,17 +306,17 @@ def tank_area(
 def choose_fish_area(
     arena: Mask, hulls: FilmHulls, reach_px: float, tank_setting: str, floor: Picture | None = None
 ) -> Mask:
-    """Return `tank_area` (h, w); with "auto" the whole arena where that is too small for the fish.
+    """Return where a fish may be (h, w): `tank_area`, or the arena if "auto" leaves it no room.
 
-    It is too small if the fish, which reaches `reach_px` from its centre, does not fit in it. The
-    other parameters are those of `tank_area`.
+    It has no room if it does not fit in: it reaches `reach_px` from its centre. The other
+    parameters are those of `tank_area`.
     """
     area = tank_area(arena, hulls, tank_setting, floor)
     return arena if tank_setting == "auto" and not _legal_centres(area, reach_px).any() else area
 
 
 def size_that_fits(area: Mask, reach_px: float) -> float:
-    """Return the largest drawn size / filmed size at which a fish can turn in an area (h, w).
+    """Return the scale, drawn / filmed size, at most 1, at which a fish can turn in an area (h, w).
 
     reach_px: how far the fish as filmed reaches from its centre. The size is 1, or less where the
     fish would reach farther than half of the distance from the wall to the area's middle.
@@ -325,12 +325,12 @@ def size_that_fits(area: Mask, reach_px: float) -> float:
 
 
 def _legal_centres(arena: Mask, reach_px: float) -> Mask:
-    """Return the mask (h, w) of legal centres: at least `reach_px` from outside the arena."""
+    """Return where the fish's centre may be (h, w): over `reach_px` from outside the arena."""
     return np.asarray(_depth_px(arena) > reach_px + 1)
 
 
 def goal_name(number: int) -> str:
-    """Return the name of the goal with a number, counted from 0: A, B … Z, A2, B2 … ."""
+    """Return the name of goal number 0, 1, 2 …: A, B … Z, A2, B2 … ."""
     rounds, letter = divmod(number, 26)
     return chr(ord("A") + letter) + (str(rounds + 1) if rounds else "")
 
@@ -379,7 +379,8 @@ def _goal_from_shares(
     """Convert a goal from shares of the tank's width and height to x, y px; move it into reach.
 
     Shares of 0-1 may lie outside the tank, as in the corner of a round one, or more than `touch_px`
-    from a legal centre: then they are moved to the nearest legal centre. Other shares are not.
+    from a legal centre: then they are moved to the nearest legal centre. Shares below 0 or above 1
+    are not moved.
     """
     left, top, right, bottom = tank.corners_px
     x, y = left + share_x * (right - left), top + share_y * (bottom - top)

@@ -116,9 +116,9 @@ def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]
 
 
 def measure_film_clearance(features: pd.DataFrame) -> dict[str, float]:
-    """Return the quantiles of how near a film's animals come to each other, by name.
+    """Return, by name, how near a film's animals come to each other; {} if no frame shows several.
 
-    They are those of `distance_quantiles`; none where no frame shows several animals.
+    Keys and units are those of `distance_quantiles`.
     """
     distances = film_nearest_distances(features)
     return distance_quantiles(distances) if len(distances) else {}

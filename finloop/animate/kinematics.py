@@ -27,10 +27,10 @@ class Target(NamedTuple):
 
 
 def next_aim(tank: Tank, place_px: tuple[float, float], goal: Target, near_px: float) -> Target:
-    """Return the point to head for: the legal place nearest to a goal, or a waypoint on the way.
+    """Return where to head now: a waypoint, the legal place nearest to a goal, or the goal itself.
 
-    place_px: x, y of the fish. Where that legal place is less than `near_px` away, the result is
-    the goal itself.
+    place_px: x, y of the fish. It heads for the goal itself where that legal place is less than
+    `near_px` away.
     """
     legal = tank.nearest_legal_point(goal.x, goal.y)
     if np.hypot(legal[0] - place_px[0], legal[1] - place_px[1]) < near_px:

@@ -31,7 +31,7 @@ class MemoryIndex(NamedTuple):
 
 @kernel
 def index_memory(memory: Ints) -> MemoryIndex:
-    """Index a memory by row, so that the stretch of film that holds a row is found quickly.
+    """Return an index of a memory, by which the stretch of film that holds a row is found fast.
 
     memory (m, 3): stretches that were on screen, by row: first row, last row, tick of the first.
     There are about two blocks of rows for each stretch.
@@ -77,11 +77,11 @@ def find_last_on_screen(memory: Ints, index: MemoryIndex, first: int, last: int)
 
 @leaf_kernel
 def _last_tick_of_rows(memory: Ints, low: int, high: int, first: int, last: int) -> int:
-    """Return, by bisection, the last tick at which a row of first … last was on screen; or NEVER.
+    """Return the last tick at which a row of first … last was on screen; NEVER for none.
 
     memory (m, 3): stretches of film on screen: first row, last row, tick of the first; low, high:
-    numbers of stretches between which, by bisection, the first one that ends at row `first` or
-    later is sought.
+    numbers of stretches between which the first one that ends at row `first` or later is sought, by
+    bisection.
     """
     while low < high:
         middle = (low + high) // 2
@@ -110,7 +110,7 @@ def mark_rows(marks: int, first: int, last: int) -> int:
 
 @kernel
 def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: float) -> Ints:
-    """Add rows first … last, shown one after the other from `tick` on, to a memory; return it.
+    """Return a memory to which rows first … last, shown one by one from `tick` on, are added.
 
     memory (m, 3): stretches of film on screen: first row, last row, tick of the first. It keeps the
     last time of each row, and drops what was shown at `forget_tick` or before.

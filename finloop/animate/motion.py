@@ -64,7 +64,7 @@ class TrackKinematics:
     kind: NDArray[np.int8]
 
     def runs(self) -> "list[SwimmingRun]":
-        """Return the track's runs, in their order."""
+        """Return the track's runs, parts of one swimming type each, in their order."""
         edges = np.flatnonzero(np.diff(self.kind)) + 1
         bounds = np.concatenate([[0], edges, [len(self.kind)]]).tolist()
         return [
@@ -107,7 +107,7 @@ Track = dict[str, NDArray[Any]]
 
 
 def track_kinematics(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackKinematics:
-    """Return the kinematics of a track (n rows), frame by frame: see `TrackKinematics`.
+    """Return how a track (n rows) swims, frame by frame: speed, heading, steps, sway, type.
 
     delta: Δ in frames; length_px: body length; rate_hz: frames per second. The unit of distances is
     the body length, of angles degrees, + = left; values over Δ are those of the Δ around a frame.
@@ -155,8 +155,8 @@ def _kinematics_of_tracks(
 def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
     """Learn how the film's fish swim, from its feature table: tracks, turns, times between them.
 
-    rate_hz: frames per second; delta: Δ in frames. Where the film shows no turn, each track is one.
-    FinloopError if nothing moves, or no heading changes.
+    rate_hz: frames per second; delta: Δ in frames. Where the film shows no turn, each whole track
+    counts as one. FinloopError if nothing moves, or no heading changes.
     """
     tracks = _kinematics_of_tracks(features, rate_hz, delta)
     runs = [run for track in tracks for run in track.runs()]
@@ -200,13 +200,13 @@ def too_little_error(swimming: str) -> FinloopError:
 
 
 def _track_as_turn(track: TrackKinematics) -> SwimmingRun:
-    """Return a whole track, without its end frames, as one turn to the side it turns to in all."""
+    """Return a track, without its first and last frame, as one turn to the side it turns to."""
     side = LEFT if track.heading_deg[-1] >= track.heading_deg[0] else RIGHT
     return SwimmingRun(track, side, 1, len(track.kind) - 1)
 
 
 def _turns_of_runs(runs: list[SwimmingRun], rate_hz: float, delta: int) -> Turns | None:
-    """Collect the turns: runs to the left or right that are filmed whole; None without any.
+    """Return the turns: the runs to the left or right that are filmed whole; None without any.
 
     All are mirrored to be turns to the left. rate_hz: frames per second; delta: Δ in frames.
     """

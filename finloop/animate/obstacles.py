@@ -107,7 +107,7 @@ class Plans:
         )
 
     def fish_in_column(self, fish: int, column: int) -> int:
-        """Return the number of the fish in column `column` of the places of others for `fish`."""
+        """Return the number of the fish in column `column` of `places_of_others(fish, …)`."""
         planned = np.flatnonzero(self._ticks > 0)
         return int(planned[planned != fish][column])
 
@@ -116,7 +116,7 @@ class Plans:
         return bool(self._ticks[fish])
 
     def pose_at(self, fish: int, tick: int) -> Floats:
-        """Return x, y px, heading in degrees and picture (4,) of a fish at a tick."""
+        """Return x, y px, heading [°], picture (4,) planned for a tick, or for the nearest one."""
         row = min(max(tick - self._begins[fish], 0), self._ticks[fish] - 1)
         return np.asarray(self._trajectories[fish, row])
 
@@ -159,10 +159,10 @@ def _places_of_others(trajectories, begins, ticks, fish, tick):  # type: ignore[
 
 @kernel
 def sort_near_first(obstacles: Obstacles, x: float, y: float, farthest_px: Floats) -> Obstacles:
-    """Sort obstacles: first the fish that a fish at x, y px can meet during a search.
+    """Return obstacles sorted: first the fish that a fish at x, y px can meet during a search.
 
-    farthest_px (t,): that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
-    mean speed. `near_count` is set to the number of those fish.
+    farthest_px (t,): how far a fish moves in 0, 1, 2 … ticks at most; after these it goes on at
+    their mean speed. `near_count` is set to the number of those fish.
     """
     known_ticks = len(farthest_px) - 1
     px_per_tick = farthest_px[known_ticks] / known_ticks
@@ -350,9 +350,9 @@ def count_ticks_before_meeting(
 
 @leaf_kernel
 def can_stay(obstacles: Obstacles, picture: int, pose, tick: int) -> bool:  # type: ignore[no-untyped-def]
-    """Return whether a picture that stays at a pose meets no other fish from a tick on.
+    """Return whether a picture can stay at a pose from a tick on and never meet another fish.
 
-    picture: its number; pose: x, y px, heading in degrees.
+    picture: its number; pose: x, y px, heading in degrees. Walls are not tested.
     """
     # After their last known tick the others stay, too: no later one needs a test.
     last = max(obstacles.start + obstacles.places.shape[0] - 1, tick)
@@ -365,7 +365,7 @@ def can_stay(obstacles: Obstacles, picture: int, pose, tick: int) -> bool:  # ty
 def count_lasting_ticks(
     obstacles: Obstacles, pictures: Ints, trajectory: Floats, start_tick: int
 ) -> int:
-    """Return after how many ticks of a trajectory (n, 3) a fish can stop, always clear of others.
+    """Return the most ticks of a trajectory (n, 3) after which a fish can stop, clear of others.
 
     pictures (n,): numbers of the pictures shown; trajectory: x, y px, heading in degrees at each
     tick from `start_tick` on.

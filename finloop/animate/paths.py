@@ -150,10 +150,10 @@ def _refuse_line_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
 
 @kernel
 def _grain_starts(x: Floats, y: Floats, grain_px: float) -> Ints:
-    """Return the numbers (k,) of those points of a line that begin a grain, `grain_px` apart.
+    """Return the indices (k,) of points of a line that are at least `grain_px` apart, from 0 on.
 
-    x, y (n,): the points, px. The first number is 0; each other one is that of the first point so
-    far from the one before.
+    x, y (n,): all points, px. Each next index is that of the first point so far from the one
+    before.
     """
     starts = np.empty(x.size, np.int64)
     starts[0], count = 0, 1

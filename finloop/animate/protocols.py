@@ -27,7 +27,7 @@ class AnyPlayer(Protocol):
 
     @property
     def joins(self) -> JoinRules:
-        """Return how pictures are joined to those before them."""
+        """Return how a picture after a jump is fitted to the one before: faded, cut or inertial."""
 
     @property
     def silhouettes(self) -> Silhouettes:
@@ -39,7 +39,7 @@ class AnyPlayer(Protocol):
 
     @property
     def school_rule(self) -> SchoolRule | None:
-        """Return how fish swim by zones; None if it is unknown."""
+        """Return the zones by which fish swim in a group; None if the film gives none."""
 
     @property
     def most_fish(self) -> int | None:

@@ -45,7 +45,7 @@ class Route(NamedTuple):
         return len(self.when) > 0
 
     def is_done(self, along_px: float, tick: int) -> bool:
-        """Return whether a fish is at the route's end at a tick: see `is_route_done`."""
+        """Return whether a fish `along_px` along the route is at its end at a tick."""
         return bool(is_route_done(self, along_px, tick))
 
 

@@ -113,7 +113,7 @@ class SchoolMember:
         return self._state.fish.tick
 
     def decide(self, plans: Plans) -> None:
-        """Plan the fish's next stretch, clear of the others' plans, and add it to `plans`."""
+        """Plan the fish's next stretch, clear of the others; add it to `plans` and to `swim`."""
         start_tick, others = self.next_tick, plans.places_of_others(self._number, self.next_tick)
         goal = self._next_goal() or self._next_rule(plans, others)
         state = self._player.with_obstacles(self._state, others)
@@ -180,7 +180,7 @@ def settle_fish(player: AnyPlayer, tasks: Sequence[SwimTask], plans: Plans) -> l
 
 
 def animate_group(player: AnyPlayer, tasks: Sequence[SwimTask], ticks: int) -> list[Swim]:
-    """Animate a fish for each task, together, for at least `ticks` ticks; return an animation each.
+    """Animate a fish for each task, together, for at least `ticks` ticks; return each `Swim`.
 
     The fish whose plan ends first decides next. Goals reached after `ticks` count as not reached
     (−1). NoRoom if the tank lacks room for all of them.

@@ -48,7 +48,7 @@ class Fish(NamedTuple):
 
     @property
     def picture(self) -> int:
-        """Return the number of the picture on screen, as in `Discs`: its row, or −1 − sprite."""
+        """Return the number of the picture on screen: its film row, or −1 − its sprite."""
         return self.row if self.row >= 0 else -1 - self.sprite
 
 
