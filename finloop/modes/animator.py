@@ -79,7 +79,7 @@ class Animator:
         return 1
 
     def goals(self) -> list[Goal]:
-        """Return the parameters' goals, px.
+        """Return the goals of the parameters, px of the clip, each with its radius.
 
         Those in shares of the tank are moved to where the fish can reach them; FinloopError if one
         in px is out of reach.
@@ -90,13 +90,13 @@ class Animator:
         return [goal._replace(radius_px=world.touch_px) for goal in placed]
 
     def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
-        """Return the task of each fish in the animation to `goals`."""
+        """Return the tasks of an animation to `goals`: one fish, which swims to all of them."""
         return [SwimTask(goals, np.random.default_rng(self.p.seed))]
 
     def trial_tasks(self, number: int) -> list[SwimTask]:
-        """Return the task of each fish in the random animation number `number`: goals, no path.
+        """Return the tasks of random animation number `number`: one fish, with random goals.
 
-        There is one fish. Each number gives other goals.
+        Each number gives other goals.
         """
         rng = np.random.default_rng([self.p.seed, number])
         return [SwimTask(random_goals(self.player.world, self.p.trial_goals, rng), rng)]
@@ -120,7 +120,7 @@ class Animator:
             settle_fish(self.player, tasks, Plans(self.fish_count))
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """Plan an animation to `goals`; return each fish's stretches, and the edit list (`EDIT`).
+        """Plan an animation to `goals`; return each fish's `Swim`, and the edit list (`EDIT`).
 
         In an animation joined by cross-fades, pictures too unlike to be mixed are not mixed.
         """
@@ -147,7 +147,7 @@ class Animator:
         return self._animate(tasks)[1], [task.goals for task in tasks]
 
     def _animate(self, tasks: Sequence[SwimTask]) -> tuple[list[Swim], pd.DataFrame]:
-        """Animate a fish for each task; return the animation of each, and the edit list of all."""
+        """Animate a fish for each task for `p.seconds`; return each `Swim`, and one edit list."""
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
         animations = animate_group(self.player, tasks, ticks)
         return animations, build_edit_lists(animations, ticks, self.player.edit_inputs)
@@ -206,7 +206,7 @@ def video_loop_graph(assets: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
 def make_animator(
     assets: ModeAssets, mode: PaperMode, sprites: Sprites | None, p: AnimateSettings, join: str
 ) -> Animator:
-    """Return the animator of a mode of the paper.
+    """Return the animator of a mode of the paper, which plans animations by a flow chart.
 
     assets: what the modes share; mode: its flow chart; sprites: None in a mode without sprites; p:
     the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".

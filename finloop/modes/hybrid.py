@@ -40,7 +40,7 @@ class Gateways:
     def __init__(self, table: pd.DataFrame, step: float, loop_mode: Loops) -> None:
         """Sort gateways by the sprite or row that they lead from.
 
-        Those that lead to a row from which the film does not go on for ever are dropped.
+        Of those into the film, only those to a row from which it can go on for ever are kept.
 
         table: columns of `GATEWAYS`; step: the film's natural step, the unit of seams; loop_mode:
         plays the film.
@@ -87,7 +87,7 @@ class Hybrid:
         return self.network.begin(rng)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Take over a fish from another mode: unchanged where it can go on, else as a sprite.
+        """Return a fish of another mode for this one: unchanged if it can go on, else as a sprite.
 
         A fish that a frame shows goes on in the film, if the film can play on or a gateway leads
         out. Otherwise a sprite shows it.
@@ -117,7 +117,7 @@ class Hybrid:
         return stretch
 
     def enter_film(self, fish: Fish, goal: Target) -> Stretch | None:
-        """Return a stretch of film behind a gateway of the sprite on screen; None without one.
+        """Return a stretch of film behind a gateway of the sprite on screen; None if none leads on.
 
         Of the legal rows behind gateways, the one that leads nearest to the goal is taken.
         """
@@ -164,8 +164,8 @@ class Hybrid:
     def leave_film(self, fish: Fish, roll_outs: RollOuts, goal: Target) -> Stretch:
         """Return a stretch of one tick that leaves the film by a gateway to a straight sprite.
 
-        The row on screen has such a gateway. roll_outs: of the film's candidates, whose numbers the
-        decision names.
+        The row on screen has such a gateway. roll_outs: of the film's candidates, which the
+        decision counts.
         """
         sprite, turn, seam = next(
             gateway for gateway in self.gateways.out_of[fish.row] if gateway[0] in self._cycle_place

@@ -75,7 +75,7 @@ class Loops:
         return fish._replace(since=self.least_rows)  # so it may jump at once
 
     def take_over(self, fish: Fish) -> Fish:
-        """Take over a fish from another mode: a frame of the film shows it from now on.
+        """Return a fish of another mode for this one, shown by a frame of the film.
 
         A frame from which the film goes on stays on screen. Otherwise the frame whose heading and
         speed are nearest to the fish's is shown. Where jumps keep the heading, the fish keeps its
@@ -99,13 +99,13 @@ class Loops:
         )  # fmt: skip
 
     def can_go_on(self, fish: Fish) -> bool:
-        """Return whether a frame of the film shows the fish, and the film goes on from there."""
+        """Return whether a frame of the film shows the fish, and the film can go on for ever."""
         return 0 <= fish.row < self.film.filmed_count and bool(
             self.film.can_play_on(np.array([fish.row]))[0]
         )
 
     def _most_similar_row(self, fish: Fish) -> int:
-        """Return the film row most similar to a fish in heading and speed, which can play on."""
+        """Return the row most like a fish in heading and speed from which the film can go on."""
         film = self.film
         rows = film.lasting_rows
         differences = np.abs(film.speed[rows] - fish.speed)
@@ -179,8 +179,8 @@ class Loops:
     ) -> Stretch:  # fmt: skip
         """Return the stretch of film from candidate number `taken`, `ticks` long.
 
-        ticks: by default `RollOuts.ticks` of a legal candidate, `RollOuts.inside` of another one;
-        reason: code of the decision, by default that the film plays on or jumps.
+        ticks: by default up to the loop end that its roll-out leads to; reason: code of the
+        decision, by default that the film plays on or jumps.
         """
         row, rotation_deg = int(candidates.rows[taken]), float(candidates.rotations_deg[taken])
         is_legal = roll_outs.ticks[taken] > 0
@@ -275,7 +275,7 @@ class Loops:
 
 
 def add_verdict_counts(roll_outs: RollOuts, decision: Decision) -> Decision:
-    """Add to a decision the number of its candidates, and of those that fail each test."""
+    """Return a decision with the number of its candidates, and of those that fail each test."""
     counts = np.bincount(roll_outs.verdict, minlength=len(VERDICTS)).tolist()
     return decision._replace(
         candidates=len(roll_outs.verdict), candidates_tank=counts[_TANK],
@@ -346,10 +346,10 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
 
 @kernel
 def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore[no-untyped-def]
-    """Return for how many ticks (k,) each candidate plays to the first row of `ends`; 0 for none.
+    """Return how many ticks (k,) each candidate plays up to a row marked in `ends`; 0: to none.
 
     legal (h, w): where the fish's centre may be; ends (n,): rows; place_px: x, y of the first row
-    shown. There is none where the fish leaves the tank, or the film ends, before.
+    shown. The count is 0 where the fish leaves the tank, or the film ends, before.
     """
     ticks = np.zeros(candidates.rows.size, np.int64)
     for k in range(ticks.size):

@@ -100,7 +100,7 @@ class MatchingAnimator(Animator):
 
     @property
     def seekers(self) -> list[int]:
-        """Return the numbers, from 0, of the fish that swim to goals: no rule, no path."""
+        """Return the numbers, from 0, of the fish that swim to goals, without rule and path."""
         on_path = [fish for fish, path in enumerate(self.paths) if path is not None]
         return [fish for fish in self.fish_without_rule if fish not in on_path]
 

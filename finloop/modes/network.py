@@ -91,7 +91,7 @@ class Network:
         return Fish(x, y, float(rng.uniform(-180, 180)), speed, state=SLIDE, sprite=sprite)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Take over a fish from another mode: it slides on, shown by a sprite."""
+        """Return a fish of another mode for this one: it slides on, shown by a sprite."""
         if fish.row < 0:
             return fish
         sprite = int(self.sprites.cycles[SLIDE][0])
@@ -109,7 +109,7 @@ class Network:
         return self.turn_to_aim(approach, rng) if abs(approach.error) > 1 else self.brake(approach)
 
     def _approach(self, fish: Fish, goal: Target) -> GoalApproach:
-        """Measure a fish's approach to its goal: point to head for, distance, heading error."""
+        """Return how a fish approaches its goal: point to head for, distance, heading error."""
         near_px = self.p.arrived * self.world.touch_px
         aim = next_aim(self.world.tank, (fish.x, fish.y), goal, near_px)
         error = wrap(bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
@@ -191,7 +191,7 @@ class Network:
         return np.minimum(np.maximum(speed, self.phases.low), self.phases.high)
 
     def _cycle_sprites(self, fish: Fish, state: int, speeds: Floats) -> tuple[Ints, Floats, bool]:
-        """Play a cycle of sprites; return their numbers (n,), places in it (n,), and if it is new.
+        """Play a cycle of sprites; return their numbers (n,), places in it (n,), whether it is new.
 
         speeds (n,): body lengths/s; the faster the fish, the faster the cycle is played. Places are
         sprites counted from the first one, with fractions, on from round to round. A new cycle
@@ -335,7 +335,7 @@ class Network:
         )  # fmt: skip
 
     def _random_near(self, middle: int, count: int, rng: np.random.Generator) -> int:
-        """Return a random number near `middle`, of 0 … count − 1: one of the `alike` nearest."""
+        """Return a random number near `middle`, of 0 … count − 1: one of the `p.alike` nearest."""
         alike = self.p.alike
         first = max(0, min(middle - alike // 2, count - alike))
         return first + int(rng.integers(min(alike, count)))
@@ -353,7 +353,7 @@ def _drift_towards_aim(drift_deg: Floats, approach: GoalApproach) -> Floats:
 
 
 def network_animator(assets: ModeAssets, network: Network, p: CommonSettings) -> Animator:
-    """Return the animator of mode `network` (Fig. 18).
+    """Return the animator of mode `network`: a flow chart with a neural network (Fig. 18).
 
     assets: what the modes share, with sprites; network: the mode's flow chart; p: the group
     `animate` of the parameters.
@@ -362,7 +362,7 @@ def network_animator(assets: ModeAssets, network: Network, p: CommonSettings) ->
 
 
 def make_network(assets: ModeAssets, model: MotionModel, q: NetworkSettings) -> Network:
-    """Return the flow chart of mode `network` for a film.
+    """Return the flow chart of mode `network`, with the sprites and phases of a film.
 
     assets: what the modes share, with sprites; model: the trained network.
     """

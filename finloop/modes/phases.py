@@ -50,7 +50,7 @@ class Phases:
 
 
 def learn_phases(motion: MotionStatistics, p: NetworkSettings) -> Phases:
-    """Return the phases of straight swimming of a film; FinloopError if it shows none.
+    """Return a film's phases of straight swimming, such as slides; FinloopError for none.
 
     motion: how the film's fish swim; p: what counts as sliding, steady and fast.
     """

@@ -30,7 +30,7 @@ class PaperMode(Protocol):
         """Return a fish at a random place of the tank."""
 
     def take_over(self, fish: Fish) -> Fish:
-        """Take over a fish from another mode, at the same place; return it for this mode."""
+        """Return a fish of another mode for this one, at the same place."""
 
     def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Choose and return the next stretch of a fish towards a goal."""

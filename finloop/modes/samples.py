@@ -33,7 +33,7 @@ def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) ->
 
 
 def _sample_with_room(animator: Animator, seconds: float, seeds: Iterator[int]) -> pd.DataFrame:
-    """Return the animation of the first seed with room for all fish; NoRoom after 100 seeds."""
+    """Return the edit list of the first seed with room for all fish; NoRoom after 100 seeds."""
     for _ in range(_SEEDS - 1):
         with suppress(NoRoom):
             return animator.sample(next(seeds), seconds)

@@ -50,14 +50,14 @@ class TurnFrames:
 
         deepest: place of the sprite that bends most.
         """
-        return float(self.steps(deepest, held_ticks=0)[1].sum())
+        return float(self.bend_and_straighten(deepest, held_ticks=0)[1].sum())
 
-    def steps(self, deepest: int, held_ticks: int) -> tuple[Ints, Floats]:
-        """Return a turn's sprites, numbers (k,), and the change of heading (k,) before each.
+    def bend_and_straighten(self, deepest: int, held_ticks: int) -> tuple[Ints, Floats]:
+        """Return the sprites of a turn up to a bend and back, (k,), and the turn (k,) before each.
 
         deepest: place of the sprite that bends most; held_ticks: ticks for which it is held. A
-        change, degrees ≥ 0 as filmed, is from the sprite before; the first is 0, as straight
-        swimming comes before it.
+        turn, degrees ≥ 0 as filmed, is from the sprite before; the first is 0, as straight swimming
+        comes before it.
         """
         back, degrees = self.place_after_peak(deepest), self.degrees
         frames = np.r_[0 : deepest + 1, np.full(held_ticks, deepest), back : len(self.number)]
@@ -129,7 +129,7 @@ def plan_turn(
     # Shallower, while even without holding the film turns by far more.
     while depth > 1 and angle_deg < settings.turn_less * frames.film_turn_deg(depth):
         depth, held_ticks = depth - 1, 0
-    numbers, degrees = frames.steps(depth, held_ticks)
+    numbers, degrees = frames.bend_and_straighten(depth, held_ticks)
     film_deg = float(degrees.sum())
     # In every tick the turn goes on a little, even where the film does not turn.
     progress = np.cumsum(degrees + settings.turn_floor * max(film_deg, 1.0))
