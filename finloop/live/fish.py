@@ -242,7 +242,7 @@ class LiveFish:
     def _other_paths(self, tick: int) -> Floats:
         """Return the planned paths (n, m, 4) of the m other fish from a tick of this fish on.
 
-        Their columns are those of `planned_path_from`.
+        The columns are x, y [px], heading [degrees] and number of the picture.
         """
         paths = list(self._find_other_paths(self, self.born + tick).values())
         return Plans.from_paths(paths, tick).places_of_others(
@@ -250,7 +250,7 @@ class LiveFish:
         )  # −1: this fish is none of them
 
     def request_at(self, tick: int) -> Request:
-        """Return what the fish was asked to do at a known tick of the tank."""
+        """Return the request that held at a tick of the tank, one of the last `HISTORY` ticks."""
         request: Request = self._requests[tick % HISTORY]
         return request
 
@@ -301,7 +301,7 @@ class LiveFish:
         self.path_task = PathTask(route)
 
     def follow_rule(self, rule_task: RuleTask) -> None:
-        """Let the fish swim by a rule from the next tick on."""
+        """Let the fish swim by a rule from the next tick on; do nothing if it already does."""
         if rule_task != self.rule_task:
             self.send_to_goal(None)
             self.rule_task = rule_task

@@ -181,7 +181,7 @@ def create_tank_server(
 ) -> AppServer:
     """Return the web server of a live tank: its page at `/`, its WebSocket at `/tank`.
 
-    page: the HTML. listens, started: as in `AppServer`.
+    page: the HTML. listens: the bound socket. started: called once the server can be reached.
     """
     host, policy = TankHost(view), AccessPolicy(listens.getsockname()[1])
     sockets = [SocketRoute("/tank", host.serve_page, MOST_PAGES)]

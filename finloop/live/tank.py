@@ -116,7 +116,7 @@ class LiveTank:
     def _other_paths(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
         """Return the planned paths of all other fish from a tick on, each (n, 4), by their names.
 
-        Their columns are those of `LiveFish.planned_path_from`.
+        The columns are x, y [px], heading [degrees] and number of the picture.
         """
         return {
             other.name: other.planned_path_from(tick) for other in self.fish if other is not fish

@@ -206,7 +206,7 @@ class AppServer(uvicorn.Server):
 
     @contextlib.asynccontextmanager
     async def _run_tasks(self, _: Starlette) -> AsyncIterator[None]:
-        """Run the tasks until the server stops; set up Python for short delays meanwhile."""
+        """Run the tasks until the server stops; meanwhile Python's own pauses are kept short."""
         gc.collect()
         gc.freeze()  # present objects are not scanned again, which takes time
         switch_interval_s = sys.getswitchinterval()
