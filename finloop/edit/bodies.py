@@ -117,7 +117,7 @@ class Bodies:
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
-        """Look up the filmed body in each picture (…), frame or sprite: row, mirrored, heading.
+        """Return the filmed body in each picture (…), frame or sprite: row, mirrored, heading.
 
         frame: whether each picture is a frame, else a sprite; number: its row or sprite number;
         turn_deg: by how much a frame is turned, or the direction in which a sprite swims; mirrored:
@@ -133,7 +133,7 @@ class Bodies:
         return Body(row, is_mirrored, turn_deg + np.where(frame, heading, sway))
 
     def body_in_edit_row(self, shown: RowPicture) -> Body:
-        """Look up the filmed body in a picture that an edit list names."""
+        """Return the filmed body in a picture that an edit list names."""
         frame, turn = np.array(shown.kind == FRAME), np.asarray(shown.rotation_deg, float)
         if not frame:
             direction = self.sprite_direction_deg(int(shown.orientation), shown.rotation_deg)
@@ -150,7 +150,7 @@ class Bodies:
     def sprite_turn_deg(self, frame: Mask, number: Rows) -> Floats:
         """Return by how much [°] sprites (…) turn until the film's next frame; 0 for frames.
 
-        frame, number (…): as in `picture_bodies`.
+        frame (…): whether a picture is a frame, else a sprite; number (…): of the sprite.
         """
         _row, _mirrored, _heading, turn = self._sprite_bodies
         return np.where(frame, 0.0, turn[np.where(frame, 0, number)])

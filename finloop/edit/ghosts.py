@@ -51,9 +51,10 @@ def tank_colour(background: NDArray[np.uint8]) -> Floats:
 
 
 def measure_look(picture: Picture, ground: Floats) -> Floats:
-    """Return the numbers `LOOKS` (4,) of a picture (size, size, channels), 0 … 1, premultiplied.
+    """Return how a picture looks (4,): area, contrast, texture, half-transparent share (`LOOKS`).
 
-    ground (channels − 1,): the colour of the empty tank, 0 … 1, as of `tank_colour`.
+    picture (size, size, channels): 0 … 1, premultiplied; ground (channels − 1,): the colour of the
+    empty tank, 0 … 1, as of `tank_colour`.
     """
     alpha = picture[..., -1]
     visible = alpha > _VISIBLE
@@ -76,7 +77,7 @@ def measure_look(picture: Picture, ground: Floats) -> Floats:
 def measure_ghosts(edit: pd.DataFrame, pictures: Pictures, ground: Floats) -> GhostTicks:
     """Return how far the cross-faded ticks of an edit list look beyond both their pictures.
 
-    ground: as in `measure_look`.
+    ground: the colour of the empty tank, 0 … 1, as of `tank_colour`.
     """
     fades = edit[edit["weight"] > 0]
     shown = fades, fades.assign(weight=0.0), fades.assign(weight=1.0)  # both, and each alone

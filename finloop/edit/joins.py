@@ -77,11 +77,11 @@ class JoinRules:
 
     @property
     def _spring_ticks(self) -> int:
-        """Return the number of ticks after which the offset of a join is gone."""
+        """Return the ticks after which hardly any offset of a join is left; 0 if not INERTIAL."""
         return int(np.ceil(_LASTS * self.decay)) if self.kind == INERTIAL else 0
 
     def count_moving(self, kind: str, number: Ints) -> int:
-        """Count those of k pictures in which the animal does not rest; only they end a join.
+        """Return in how many of k pictures the animal moves; only at these an offset fades.
 
         kind: SPRITE, all of which count, or FRAME; number (k,): rows, plus n for mirror images.
         """
@@ -178,7 +178,7 @@ def inertialize_pictures(
 
 
 def _due_bodies(drawn: Body, shown: PictureSequence, line_deg: Floats, bodies: Bodies) -> Body:
-    """Return the body (ticks,) that the film would show at each tick after the picture before.
+    """Return the bodies (ticks,) that would be shown if the film played on from the tick before.
 
     Before the first tick there is none: that one is not used. drawn (ticks,): the bodies in the
     pictures shown; line_deg (ticks,): direction in which the fish swims; a sprite turns with it.

@@ -67,7 +67,7 @@ def motion_area_errors(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the mean of each measure over those fish that have it."""
+    """Return the mean of each measure, by name, over the fish (rows) that have it."""
     return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
 
 
