@@ -142,7 +142,7 @@ def _learn_epoch(
 
 
 def _draw_disturbances(shape: torch.Size, generator: torch.Generator) -> Tensor:
-    """Return noise (m, l, d) for the pasts: one shift common to all lags, and one for each lag.
+    """Return noise (m, l, d) for m pasts of l lags: one shift for all lags, and one for each lag.
 
     The sizes of both, standard deviations, are drawn anew for each of the m rows, up to 1 and up to
     `_LAG_NOISE`.

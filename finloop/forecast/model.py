@@ -82,7 +82,8 @@ class Forecast:
     def predict_means(self, past: Reals, control: Reals) -> Floats:
         """Return the means (k, d) of the next states, in the units of `FilmStates`.
 
-        past (k, l, d): the present state first; control (k, 2): as in `FilmStates`.
+        past (k, l, d): the present state first; control (k, 2): displacement and included angle
+        over the next Δ.
         """
         net = self.kernel_weights()
         x = np.concatenate([past.reshape(len(past), -1), control], 1)

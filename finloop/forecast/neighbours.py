@@ -39,13 +39,14 @@ VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 def build_similarity_graph(
     film: FilmStates, look: Reals, visible: VisibleDistance, p: ForecastSettings
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the graph of similar rows, as start (m + 1,) and to (e,).
+    """Return which rows have similar pasts and look alike afterwards, as a sparse graph.
 
-    The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most
-    `p.similar_frames`, not too near in time to itself and each other; then the relation is made
-    symmetric, and mirror images get the mirror images. The rows after two similar ones differ by at
-    most `p.max_look_difference` in light and skin (look (m, k), of total variance 1), and by at
-    most `p.max_discontinuity` in visible distance. FinloopError if no two rows are similar.
+    It is start (m + 1,) and to (e,): the rows similar to row i are to[start[i]:start[i + 1]]. A row
+    chooses at most `p.similar_frames`, not too near in time to itself and each other; then the
+    relation is made symmetric, and mirror images get the mirror images. The rows after two similar
+    ones differ by at most `p.max_look_difference` in light and skin (look (m, k), of total variance
+    1), and by at most `p.max_discontinuity` in visible distance. FinloopError if no two rows are
+    similar.
     """
     batches = _find_similar_pairs(film, look, p)
     alike = [_choose_alike_pairs(pairs, film.count, visible, p) for pairs in batches]
@@ -143,10 +144,10 @@ def _choose_from_part(
     rows: Ints, batch: Ints, members: Ints, looks: NDArray[np.float32], apart_rows: int,
     p: ForecastSettings, queries: Ints, near: Ints,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Choose similar rows for queries (k,) from one part of the film: see `_choose_passages`.
+    """Return similar rows (k, c) in one part of the film, −1 for none, and which k are done.
 
-    members: numbers in `rows` of the part's rows; queries: numbers in `batch`; near (k, l): numbers
-    in `members`, the nearest first, −1 for none.
+    They are chosen by `_choose_passages`. members: indices in `rows` of the part's rows; queries
+    (k,): indices in `batch`; near (k, l): indices in `members`, the nearest first, −1 for none.
     """
     count = _SPARE * p.similar_frames
     candidates = np.where(near < 0, -1, members[near])
