@@ -111,8 +111,8 @@ class JumpSearch:
         """Choose for each row its `count` nearest targets, at most one of each passage of film.
 
         Return these targets, their distances, both (k, count), and a mask (k,) of the rows that
-        have so many. queries (k,): places of the rows in `rows`; near (k, l): places in `allowed`
-        of the targets to choose from, −1 for none.
+        have so many. queries (k,): indices of the rows in `rows`; near (k, l): indices in
+        `allowed` of the targets to choose from, −1 for none.
         """
         candidates = np.where(near < 0, -1, allowed[near])
         candidates.sort(axis=1)  # as in the film: a passage is in one piece

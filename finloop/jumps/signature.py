@@ -154,11 +154,10 @@ def split_into_blocks(rows: int, most_rows: int) -> list[Ints]:
 def compute_signature_parts(
     source: RowSource, settings: JumpsSettings, workers: Workers
 ) -> SignatureParts:
-    """Compute the numbers by which rows are compared: pose, its change, motion, look.
+    """Compute the numbers by which rows, and their mirror images, are compared.
 
-    Mirror images have theirs.
-
-    Change and motion are measured over a quarter of Δ to each side.
+    They are about pose, its change, motion and look. Change and motion are measured over a quarter
+    of Δ to each side.
     """
     reel, poses = source.load_film()
     span = max(1, round(infer_delta_frames(reel.features) / 4))
