@@ -29,8 +29,8 @@ def draw_in_pose(
     """Return a cut-out drawn in another pose: (height, width, c), premultiplied, 0 … 1.
 
     pose: of the cut-out, px of the film; target: the pose as it is seen in the new picture, px of
-    that; size: its height and width, px. mirrored, sharp: as in `DrawingMode`. Drawn in its own
-    pose at its own place it is the frame itself.
+    that; size: its height and width, px. mirrored: whether left is drawn as right; sharp: by Keys'
+    cubic filter, else a linear one. Drawn in its own pose at its own place it is the frame itself.
     """
     height, width = size
     return pose_cutout(cutout, pose, target, mirrored, sharp).draw_part((0, 0, height, width))
@@ -74,7 +74,11 @@ class PosedPicture:
 def pose_cutout(
     cutout: Cutout, pose: Pose, target: Pose, mirrored: bool, sharp: bool
 ) -> PosedPicture:
-    """Return a cut-out prepared to be drawn in another pose; arguments as in `draw_in_pose`."""
+    """Return a cut-out prepared to be drawn in another pose.
+
+    pose: of the cut-out, px of the film; target: the pose in the new picture, px of that; mirrored:
+    whether left is drawn as right; sharp: by Keys' cubic filter, else a linear one.
+    """
     source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
     return PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
 
@@ -82,10 +86,11 @@ def pose_cutout(
 def change_in_pose(
     first: PosedPicture, second: PosedPicture, weight: float, box: tuple[int, int, int, int]
 ) -> Premultiplied:
-    """Return a rectangle of what is between two pictures in one pose, without a double image.
+    """Return a rectangle of the picture between two in one pose, without a double image.
 
     weight: share of the second, 0 … 1, which the first replaces from the tail to the head; the
-    outline is that of the larger share. box: as in `PosedPicture.draw_part`, and so is the result.
+    outline is that of the larger share. box: rows and columns [px], half open: top, left, bottom,
+    right. The result is (h, w, c), premultiplied, 0 … 1.
     """
     top, left, bottom, right = box
     along = np.zeros((bottom - top, right - left), np.float32)
@@ -101,7 +106,7 @@ def change_in_pose(
 def second_shares(along: NDArray[np.float32], weight: float) -> NDArray[np.float32]:
     """Return the share of the second picture's skin at places along the body (…), 0 head … 1 tail.
 
-    weight: as in `change_in_pose`. The first one comes in from the tail.
+    weight: share of the second, 0 … 1, over the whole body; the first one comes in from the tail.
     """
     on_body = np.clip(along, np.float32(0), np.float32(1))
     shares = ((1 + _FRONT) * np.float32(weight) - on_body) / np.float32(_FRONT)

@@ -111,7 +111,7 @@ def plan_strips(
 def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
     """Return the shorter length [px], left or right, of the two sections around step i.
 
-    limits: as in `Strip`.
+    limits (m, 2): length of each section on its left and right.
     """
     return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
 
@@ -185,7 +185,7 @@ def _section_at(strip, i):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
-    """Return between which x [px] a row of pixels lies between two sections.
+    """Return the lowest and highest x [px] at which row y of pixels is between two sections.
 
     front, rear: the sections that bound a step, the front one nearer to the head. Bounds are
     ±HIDDEN where a section is parallel to the row.
@@ -211,7 +211,7 @@ def _paint_step(canvas, film, layout, i, mode, corner, along_body):  # type: ign
 
     canvas: (H, W, c), 0 … 1; film: (h, w, c), 0 … 255; both premultiplied, alpha last. layout:
     `StripLayout`; mode: `DrawingMode`; corner: row and column of the canvas's first pixel in the
-    picture; along_body: as `along` of `paint_strips`. For each pixel between the step's two
+    picture; along_body: `along` of `paint_strips`. For each pixel between the step's two
     sections: its place beside and along the new backbone, the place of that in the film, and the
     film's colour there.
     """

@@ -92,10 +92,7 @@ def backbone_bends(posture: Floats) -> Floats:
 
 
 def backbone_steps(posture: Floats) -> Floats:
-    """Return the length (…, n) of each backbone step in postures, in typical body lengths.
-
-    The unit is the animal's typical length.
-    """
+    """Return the length (…, n) of each backbone step in postures, in typical body lengths."""
     return posture[..., posture.shape[-1] // 2 + 1 :]
 
 

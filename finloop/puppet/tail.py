@@ -34,7 +34,8 @@ def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> 
     """Return how much the visible length of the tail varies, in body lengths.
 
     The unit is the median length of the body without the tail. tracks: half_width_px and backbone
-    of k rows; backbones: (k, n, 2) px, head first; thin: as in `TailParameters`.
+    of k rows; backbones: (k, n, 2) px, head first; thin: the body ends where its width falls to
+    this share of its largest.
     """
     end = _find_body_ends(_half_widths_head_first(tracks, backbones), thin)
     step, last = _mean_step_lengths(backbones.astype(float)), backbones.shape[1] - 1
