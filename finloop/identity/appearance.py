@@ -118,7 +118,7 @@ def _example_distances(
 def _find_discriminant(
     tracks: Sequence[Floats], numbers: Tracks
 ) -> "LinearDiscriminantAnalysis | None":
-    """Return the directions of descriptor space that distinguish tracks best.
+    """Return the directions of descriptors that distinguish tracks best; None for under two tracks.
 
     tracks: descriptors (k, d) of each; numbers: of those to learn from.
     """

@@ -113,7 +113,7 @@ def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.Data
 def measure_trial_gaps(
     evidence: IdentityEvidence, gap_frames: NDArray[np.intp], rng: np.random.Generator
 ) -> Floats:
-    """Return the shares (2,) of artificial gaps that are joined right and wrong.
+    """Return the shares (2,) of artificial gaps that are joined right, and wrong; NaN without gaps.
 
     Every track that is long enough is cut in two: as many frames are removed from its middle as a
     gap of the film has. Then all tracks are joined anew. A gap that stays open counts as neither.

@@ -186,15 +186,15 @@ class _JoinSearch:
             if len(own) > 1
         ]  # fmt: skip
 
-    def find_best(self, score: Floats, alone: Floats) -> Tracks:
+    def find_best(self, score: Floats, no_join: Floats) -> Tracks:
         """Return each track's predecessor (n,) in the joins with the highest score; −1 is none.
 
-        score (e,): of the pairs; alone (2, n): score of each track's end, and of its start, without
-        a join.
+        score (e,): of the pairs; no_join (2, n): score of each track's end, and of its start,
+        without a join.
         """
         # Rows are ends; columns are starts, and for each end one more, without a join. The score of
         # all starts without a join is a constant, from which a join takes its own start's away.
-        weight = np.append(score - alone[1, self._starts], alone[0])[self._order]
+        weight = np.append(score - no_join[1, self._starts], no_join[0])[self._order]
         # The solver wants costs above 0. Every end has one entry: a constant changes no assignment.
         cost = weight.max() + 1 - weight
         predecessor = np.full(self._tracks, -1)

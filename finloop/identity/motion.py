@@ -68,7 +68,7 @@ def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
 
 
 def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floats:
-    """Return the mean velocity (2,) of a track from row `first` to row `last`."""
+    """Return the mean velocity (2,), per frame, from row `first` to `last`; 0 for one row."""
     if len(frames) < 2:
         return np.zeros(2)
     return (places[last] - places[first]) / max(frames[last] - frames[first], 1)
