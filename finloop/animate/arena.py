@@ -52,7 +52,7 @@ class Tank:
         return _depth_px(self.arena)
 
     @property
-    def corners_px(self) -> tuple[int, int, int, int]:
+    def box_px(self) -> tuple[int, int, int, int]:
         """Return the box around the tank's pixels, px: left, top, right, bottom."""
         rows, columns = (np.flatnonzero(self.arena.any(axis)) for axis in (1, 0))
         return int(columns[0]), int(rows[0]), int(columns[-1]), int(rows[-1])
@@ -344,7 +344,7 @@ def place_goals(
     its upper left corner. A fish touches what is within `touch_px` of a legal centre. FinloopError,
     which names all, if there are no goals, or one is not x, y or cannot be reached.
     """
-    left, top, right, bottom = tank.corners_px
+    left, top, right, bottom = tank.box_px
     wanted = f"one or more goals inside the tank, which is {left}-{right} × {top}-{bottom} px"
     if not given_goals:
         raise FinloopError(
@@ -382,7 +382,7 @@ def _goal_from_shares(
     from a legal centre: then they are moved to the nearest legal centre. Shares below 0 or above 1
     are not moved.
     """
-    left, top, right, bottom = tank.corners_px
+    left, top, right, bottom = tank.box_px
     x, y = left + share_x * (right - left), top + share_y * (bottom - top)
     in_reach = is_legal_point(tank.arena, x, y) and _distance_to_legal(tank, x, y) <= touch_px
     may_move = 0 <= share_x <= 1 and 0 <= share_y <= 1

@@ -120,7 +120,7 @@ def _resample_path(points: _PathPoints, step_bl: float, length_px: float) -> Rou
 def _line_in_px(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[Floats, Floats]:
     """Return x and y (n,), px, of a given line; FinloopError if it is in mm without a scale."""
     if line.unit == TANK:
-        left, top, right, bottom = tank.corners_px
+        left, top, right, bottom = tank.box_px
         return left + line.x * (right - left), top + line.y * (bottom - top)
     if line.unit == MM:
         if mm_per_px is None:
@@ -139,7 +139,7 @@ def _refuse_line_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
     if inside.all():
         return
     first = int(np.argmin(inside))
-    left, top, right, bottom = tank.corners_px
+    left, top, right, bottom = tank.box_px
     raise FinloopError(
         f"{line.name}: {np.count_nonzero(~inside)} of {len(x)} places are outside the tank, first "
         f"({x[first]:.0f}, {y[first]:.0f}) px",
