@@ -53,7 +53,7 @@ def stepless():
 def swim_group(player, ticks=TICKS, seed=0, goals=()):
     p = player.world.settings
     plans = MatchingAnimator(player, None, 1.0, player.world.settings)
-    todo = plans._share_out_tasks(goals, plans.seekers, np.random.default_rng(seed))
+    todo = plans._share_out_tasks(goals, plans.goal_seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
     return build_edit_lists(animate_group(player, todo, ticks), ticks, player.edit_inputs)
 
@@ -160,7 +160,7 @@ def test_who_follows_nobody_has_the_goals():
     goals = [Goal(name, 100.0, 100.0) for name in "ABC"]
     names = [[goal.name for goal in lot] for lot in (task.goals for task in plans.tasks(goals))]
     assert names == [["A", "C"], [], ["B"], []]
-    assert plans.seekers == [0, 2]
+    assert plans.goal_seekers == [0, 2]
     player = player_of(NEAR)
     assert MatchingAnimator(player, None, 1.0, player.world.settings).goals() == []
 

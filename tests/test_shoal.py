@@ -195,7 +195,7 @@ def plans_of(lines, **changes):
 
 def test_each_fish_has_a_path_or_goals_of_its_own():
     plans = plans_of([ring(290, 200), None, ring(480, 400)], fish=4)
-    assert plans.seekers == [1, 3] and plans.fish_without_rule == [0, 1, 2, 3]
+    assert plans.goal_seekers == [1, 3] and plans.fish_without_rule == [0, 1, 2, 3]
     goals = [Goal(name, x, 300.0, toy.TOUCH) for name, x in (("A", 250), ("B", 350), ("C", 450))]
     todo = plans.tasks(goals)
     assert [[goal.name for goal in task.goals] for task in todo] == [[], ["A", "C"], [], ["B"]]

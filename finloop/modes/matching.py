@@ -81,11 +81,11 @@ class MatchingAnimator(Animator):
         """
         if self.p.rule == "zones" and self.fish_count > 1:
             require_rule(self.player.school_rule)
-        if not self.seekers:
+        if not self.goal_seekers:
             return []
         goals = super().goals()
         if not self.p.overlap:
-            refuse_shared_goals(goals, self.seekers)
+            refuse_shared_goals(goals, self.goal_seekers)
         return goals
 
     @property
@@ -99,7 +99,7 @@ class MatchingAnimator(Animator):
         return [fish for fish, task in enumerate(tasks) if not task.zones and task.follows is None]
 
     @property
-    def seekers(self) -> list[int]:
+    def goal_seekers(self) -> list[int]:
         """Return the numbers, from 0, of the fish that swim to goals, without rule and path."""
         on_path = [fish for fish, path in enumerate(self.paths) if path is not None]
         return [fish for fish in self.fish_without_rule if fish not in on_path]
@@ -107,7 +107,7 @@ class MatchingAnimator(Animator):
     def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
         """Return the task of each fish: its path, its share of `goals`, or its rule."""
         rng = np.random.default_rng(self.p.seed)
-        tasks = self._share_out_tasks(goals, self.seekers, rng)
+        tasks = self._share_out_tasks(goals, self.goal_seekers, rng)
         for fish, path in enumerate(self.paths):
             if path is not None:
                 tasks[fish] = tasks[fish]._replace(route=path.route)

@@ -239,13 +239,12 @@ class Network:
     def _fit_turn(
         self, approach: GoalApproach, plan: TurnPlan, turn_number: int
     ) -> tuple[Floats, int, float]:
-        """Fit a filmed turn into the tank; return trajectory, tick of touch, and share of room.
+        """Fit a filmed turn into the tank; return trajectory, tick of touch, displacement factor.
 
         turn_number: of the film's turns. The trajectory (n, 3) is x, y px and heading. The tick of
-        touch is the one at which the goal is touched, n if it is not. Room is the factor of the
-        turn's displacement for which there is room: those of `ease` are tried one after the other,
-        and the last of them again with less and less time for the fish to leave its first speed.
-        The last try is taken even where it does not fit.
+        touch is the one at which the goal is touched, n if it is not. The factor is the first of
+        `p.ease` with which the turn fits in. The last of them is tried again with less and less
+        time in which the fish's first speed changes; the last try is taken even if it does not fit.
         """
         ease = self.p.ease
         filmed = self._stretch_filmed_turn(turn_number, len(plan.frames))
