@@ -145,7 +145,7 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
     return past[:, 0]
 
 
-def _controlled_motion(
+def _simulate_control(
     sampler: Sampler, film: FilmStates, row: int, control: Floats, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Simulate a controlled fish for the time Δ; return its displacement [BL] and turn [rad].
@@ -180,7 +180,7 @@ def measure_control_slopes(
         similar = sampler.to[sampler.start[row] : sampler.start[row + 1]]
         if len(similar):
             controls.append(sampler.control[rng.choice(similar)])
-            motions.append(_controlled_motion(sampler, film, row, controls[-1], rng))
+            motions.append(_simulate_control(sampler, film, row, controls[-1], rng))
     slopes: dict[str, float] = {}
     if not controls:
         return slopes

@@ -139,7 +139,7 @@ def _refuse_poor_film(control: Floats, swimming_type: Ints) -> None:
 def posture_mirror_matrix(poses: FilmPoses, look: Reals) -> Reals | None:
     """Return the matrix (c, c) that mirrors posture codes; None if the fish may not be mirrored.
 
-    look: it has more rows than `poses` if mirror images may be shown.
+    look (m, k): light and skin of each row, and of mirror images if these may be shown.
     """
     return poses.shapes.mirror_matrix if len(look) > len(poses.codes) else None
 
@@ -170,7 +170,7 @@ class Partition:
 
 
 def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
-    """Split the usable rows: those in random stretches of time are held out, the others learnt.
+    """Split the usable rows: random stretches of time are held out, the others are learnt from.
 
     A stretch holds all fish. A row whose past or next state lies in the other part is in neither.
     Each part has at most `p.most_rows`: in a long film a random sample. FinloopError if the film is

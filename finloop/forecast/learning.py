@@ -52,7 +52,7 @@ class _Network(nn.Module):
         return past[:, 0] + 0.5 * (self.change(past, control) + mirrored)
 
     def change(self, past: Tensor, control: Tensor) -> Tensor:
-        """Return the change of state (m, d) that the network predicts without its mirror image."""
+        """Return the change of state (m, d) predicted from these inputs, without averaging."""
         x = torch.cat([past.flatten(1), control], 1)
         for layer in self.layers[:2]:
             x = nn.functional.silu(layer(x))

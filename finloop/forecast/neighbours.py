@@ -146,8 +146,9 @@ def _choose_from_part(
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
     """Return similar rows (k, c) in one part of the film, −1 for none, and which k are done.
 
-    They are chosen by `_choose_passages`. members: indices in `rows` of the part's rows; queries
-    (k,): indices in `batch`; near (k, l): indices in `members`, the nearest first, −1 for none.
+    They are chosen by `_choose_passages`; done: enough found, or all examined. members: indices in
+    `rows` of the part's rows; queries (k,): indices in `batch`; near (k, l): indices in `members`,
+    the nearest first, −1 for none.
     """
     count = _SPARE * p.similar_frames
     candidates = np.where(near < 0, -1, members[near])

@@ -184,7 +184,7 @@ def swim_freely(sampler: Sampler, ticks: int, rng: np.random.Generator) -> tuple
 def _fill_with_past(inputs: Weights, states: Floats, present_index: int, lags: Ints) -> None:
     """Write the states at the given lags before the present into the first l · d network inputs.
 
-    inputs: changed; states (…, d): the latest first.
+    inputs: changed; states (…, d): the latest first, the present one at `present_index`.
     """
     size = states.shape[1]
     for i in range(lags.size):
