@@ -107,7 +107,7 @@ def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any
 def _fill_column(values: Sequence[str | int | float], at_ticks: Ints, ticks: int) -> Any:
     """Return a column (ticks,) that has the given values (k,) at some ticks (k,), else null.
 
-    At the others it is null: None beside text, for which "" counts as null, too; else NaN.
+    Null is None beside text, for which "" counts as null, too; else NaN.
     """
     if isinstance(values[0], str):
         text = np.full(ticks, None, dtype=object)
@@ -170,7 +170,7 @@ def edit_columns(
 def resolve_mirror_images(
     frame: Mask, number: Ints, rotation_deg: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Replace numbers n + i, the mirror images of rows i, by rows i drawn mirrored: (ticks,).
+    """Return pictures (ticks,) in which number n + i, a mirror image, is row i drawn mirrored.
 
     frame (ticks,): whether each picture is a frame; number (ticks,): its row i, n + i for row i
     upside down, or a sprite; rotation_deg (ticks,): of frames; heading_deg (n,): of the rows as
@@ -187,10 +187,10 @@ def resolve_mirror_images(
 def _join_columns(
     pictures: PictureSequence, heading: Floats, transitions: Ints, inputs: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns (ticks,) of pictures, poses, and pictures that fade out, by name.
+    """Return the columns (ticks,) of `EDIT` about pictures, poses and cross-fades, by name.
 
     heading (ticks,): of the fish, degrees; transitions: ticks whose picture does not continue the
-    one before. For inertialization the joins are found in the pictures themselves.
+    one before; not used for inertialization, whose joins are found in the pictures.
     """
     rules, columns = inputs.joins, _picture_columns(pictures, heading, inputs)
     pose = np.full(len(heading), None, object)

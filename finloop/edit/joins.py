@@ -88,7 +88,7 @@ class JoinRules:
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring_response(self) -> tuple[Floats, Floats]:
-        """Return what is left of an offset of 1, and of a velocity of 1 a tick, after 0, 1 … ticks.
+        """Return what is left of an offset of 1, and of a velocity of 1, after 0, 1 … ticks.
 
         Both are offsets (k,) of a critically damped spring after t ticks: (1 + r t) exp(−r t) and
         t exp(−r t), where the rate r is such that 5 % of an offset are left after `decay` ticks.

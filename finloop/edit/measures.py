@@ -158,7 +158,7 @@ def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
 def rhythm_measures(
     edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
 ) -> dict[str, float]:
-    """Return the longest still time, the number of film jumps, and the shortest time between them.
+    """Return how long one picture stays, how many film jumps there are, and how near in time.
 
     `longest_still_s`: longest time of one picture; `jumps_of_the_film`: number of jumps from frame
     to frame; `shortest_stay_s`: least time between two of them, NaN with fewer than two. jumps
