@@ -96,7 +96,7 @@ class GlbDocument:
         return self.add("bufferViews", view)
 
     def encode(self, root: int) -> bytes:
-        """Add the scene, and return the bytes of the .glb file.
+        """Finish the document with its scene; return the bytes of the .glb file.
 
         root: index of the node that holds the whole scene.
         """
