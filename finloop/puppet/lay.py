@@ -109,7 +109,7 @@ def plan_strips(
 
 @finite_leaf
 def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
-    """Return the shorter length [px], left or right, of the two sections around step i.
+    """Return the shortest of the lengths [px], left and right, of both sections around step i.
 
     limits (m, 2): length of each section on its left and right.
     """
@@ -283,7 +283,7 @@ def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _film_place(beside, along, share, front, rear):  # type: ignore[no-untyped-def]
-    """Return the film's pixel coordinates (u, v) of coordinates [px] beside and along the backbone.
+    """Return the film's pixel (u, v) for a place [px] beside and along the backbone.
 
     This undoes `_strip_place`, with the film's sections `front` and `rear`. (HIDDEN, HIDDEN) where
     the film's pose does not show the place.

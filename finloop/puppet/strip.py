@@ -142,10 +142,10 @@ def squeeze_offset(t: float, limit: float) -> float:
 
 @finite_kernel
 def unsqueeze_offset(o: float, limit: float) -> float:
-    """Return the offset [px] from a straight backbone of what is drawn at o [px] beside a bent one.
+    """Return the offset t [px] that `squeeze_offset` turns into o: beside a straight backbone.
 
-    limit: length [px] of the cross-section. With f = r = limit / 2 the result is o up to f; beyond
-    it f + 2 r (1 − √(1 − (o − f) / r)).
+    limit: length [px] of the cross-section; from there on the result is HIDDEN. With f = r = limit
+    / 2 the result is o up to f; beyond it f + 2 r (1 − √(1 − (o − f) / r)).
     """
     unsqueezed = _FREE * limit
     if o <= unsqueezed:
