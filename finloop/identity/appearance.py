@@ -63,7 +63,7 @@ def _standardise(values: Floats) -> Floats:
 def appearance_log_ratios(
     tracks: Sequence[Floats], at_once: TrackPairs, pairs: TrackPairs
 ) -> Floats:
-    """Return how probably pairs of tracks look like one animal: log(P of one / P of two), (e,).
+    """Return log(P(one animal) / P(two)) of each pair of tracks, (e,), by their looks.
 
     tracks: the descriptors (k, d) of each track's pictures, in the order of time; at_once: pairs of
     tracks with a frame in common, certainly two animals; pairs: those to rate. The ratio is that of

@@ -173,7 +173,7 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
     descriptors = _describe_tracks(evidence, track_rows)
 
     def score_pairs(chains: Chains) -> tuple[TrackPairs, Floats]:
-        """Return pairs of chains that may be one animal, and log(P of one / P of two)."""
+        """Return pairs of chains that may be one animal, and log(P(one animal) / P(two))."""
         chain_ends = motion.select_chain_ends(ends, chains)
         start, stop = chain_ends.start, chain_ends.stop
         pairs = successor_pairs(start, stop, segment[[chain[0] for chain in chains]])

@@ -85,7 +85,7 @@ class GapDrift:
     velocity_frames: int  # before and after a gap, over which a velocity is measured
 
     def log_ratio(self, gap_frames: Floats, distance: Floats) -> Floats:
-        """Return how probable one animal around each of e gaps is: log(P of one / P of two), (e,).
+        """Return log(P(one animal) / P(two)) of the tracks around each gap, (e,), by distance.
 
         gap_frames (e,): lengths; distance (e,): d between the two predicted places, body lengths.
         The result is log((1 − ε) A m² / (π (m² + d²)²) + ε); the fraction is limited. m is the
@@ -170,7 +170,7 @@ def _measure_mismatches(
 
 
 def motion_log_ratios(ends: TrackEnds, drift: GapDrift, pairs: TrackPairs) -> Floats:
-    """Return how probably pairs of tracks move like one animal: log(P of one / P of two), (e,).
+    """Return log(P(one animal) / P(two)) of each pair of tracks, (e,), by their motion.
 
     In a pair, track b begins after a has ended. The place half way between is predicted from both
     sides, from the end of a and from the start of b.
