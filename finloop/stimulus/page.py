@@ -44,9 +44,9 @@ def build_standalone_page(
 
     motion: states (ticks, fish, fields). rate: ticks/s. floor: the empty tank, (h, w) or (h, w, 3)
     uint8. pictures: all that the motion names, by row of the film. looks: how fish are drawn, each
-    as `Look.to_json_values`; the motion names them by index. loops: whether it plays for ever.
-    FinloopError if the motion has no tick, no fish or numbers that are not finite, or if a picture
-    is missing.
+    the values of `Look.to_json_values`; the motion names them by index. loops: whether it plays for
+    ever. FinloopError if the motion has no tick, no fish or numbers that are not finite, or if a
+    picture is missing.
     """
     _refuse_unplayable(motion, pictures)
     height, width = floor.shape[:2]

@@ -93,7 +93,7 @@ class PagePictures:
         return height, width
 
     def measure_typical_fish(self) -> dict[str, Any]:
-        """Return area and darkest colour of a typical fish, see the function of the same name."""
+        """Return area and darkest colour of a typical fish: medians over 100 to 199 pictures."""
         count = len(self._gallery.cutout_sets[FRAME].centres_px)
         sample = range(0, count, max(1, count // _SAMPLE))  # 100 to 199 pictures
         return measure_typical_fish(self(number) for number in sample)

@@ -121,9 +121,10 @@ class ReplanResult(NamedTuple):
 
 
 def replan_session(record: SessionRecord, scene: TrialContext, protocol: Protocol) -> ReplanResult:
-    """Plan a session again from its logged inputs; return how many ticks differ from its log.
+    """Plan a session again from its logged inputs; return its ticks, and how many differ.
 
-    scene: of the same film and parameters; protocol: the one in the session's header.
+    scene: what all its trials share, of the same film and parameters; protocol: the one in the
+    session's header.
     """
     planner = _SessionPlanner(scene, protocol)
     ticks = different = 0

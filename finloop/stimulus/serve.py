@@ -367,8 +367,9 @@ def create_session_server(
 ) -> AppServer:  # fmt: skip
     """Return the web server of a session: both pages, the trackers' WebSocket, and all its tasks.
 
-    inputs: returns tasks that receive trackers' messages by other ways. The other arguments are
-    those of `AppServer`.
+    listens: the bound socket. policy: who may connect. hub: serves displays and trackers. inputs:
+    returns tasks that receive trackers' messages by other ways. started: called once the server can
+    be reached.
     """
     session = hub.session
 
@@ -397,7 +398,8 @@ def create_display_server(
 ) -> AppServer:  # fmt: skip
     """Return the web server of a replay or a calibration; it has the display's page alone.
 
-    It ends after a replay. The arguments are those of `AppServer`.
+    It ends after a replay. listens: the bound socket. policy: who may connect. hub: serves the
+    display. started: called once the server can be reached.
     """
 
     async def run_replay_and_stop() -> None:

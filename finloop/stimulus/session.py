@@ -251,7 +251,7 @@ class Session:
         self.log_event("display", **facts)
 
     def remove_display(self) -> None:
-        """Log that a display has disconnected."""
+        """Log that a display has disconnected; report it if a trial runs or waits."""
         self.displays -= 1
         self.display = None if not self.displays else self.display
         if self.phase in ("running", "waiting"):
