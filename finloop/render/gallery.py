@@ -80,10 +80,10 @@ class Gallery:
         self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
         mirrored: bool = False,
     ) -> TurnedPicture:  # fmt: skip
-        """Return a frame, or a sprite in an orientation, turned and scaled as it is drawn.
+        """Return a picture with the rotation and scale to draw it at; nothing is turned yet.
 
         The arguments are columns of `EDIT`. mirrored: whether a frame is reflected about its
-        heading; sprites are stored as they are shown.
+        heading; ignored for sprites, which are stored as they are shown.
         """
         if kind != FRAME:
             return TurnedPicture(

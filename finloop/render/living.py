@@ -47,13 +47,13 @@ class LivingTank:
         return self.pictures[self.number_at(tick)]
 
     def light_at(self, tick: int) -> float:
-        """Return the brightness at a tick relative to the mean; the course turns at its ends."""
+        """Return the brightness at a tick relative to the mean; at its end the course runs back."""
         period = max(1, 2 * len(self._light) - 2)
         place = tick % period
         return float(self._light[min(place, period - place)])
 
     def light_up(self, canvas: NDArray[np.uint8], tick: int) -> None:
-        """Make a canvas (h, w, channels) as bright, in place, as the film is at a tick."""
+        """Multiply a canvas (h, w, channels), in place, by the film's brightness at a tick."""
         gain = self.light_at(tick)
         if gain != 1.0:
             table = np.clip(np.rint(np.arange(256) * gain), 0, 255).astype(np.uint8)

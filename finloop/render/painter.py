@@ -248,7 +248,7 @@ class Painter:
             self._touched.append(box)
 
     def wipe(self, tick: int = 0) -> None:
-        """Restore the floor wherever the canvas was changed; a living tank shows that of a tick."""
+        """Restore the floor where the canvas was changed; in a living tank draw that of a tick."""
         if self._tank is None:
             for box in self._touched:
                 self.canvas[box.slices] = self.floor[box.slices]
@@ -379,7 +379,8 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
     """Return where canvas pixel (x, y) lies in a picture, (u, v), and whether it can be sampled.
 
     It can if the pixels −1, 0, 1 and 2 from (u, v) on, which the cubic kernel reads, lie in the
-    picture. m: as in `PictureLayer`; shape: height and width of the picture.
+    picture. m: the map from the canvas to the picture, see `PictureLayer`; shape: height and width
+    of the picture.
     """
     u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
     return u, v, 1 <= u < shape[1] - 2 and 1 <= v < shape[0] - 2
@@ -442,7 +443,8 @@ def _draw_turned(
 ) -> Box:
     """Draw a turned picture on a canvas, which changes; return its box.
 
-    The arguments are those of `_draw_bent`.
+    x_px, y_px: of the mass centre; other: the picture that `fish` replaces, of which the share
+    `share`, 0 … 1, is left.
     """
     visible = [picture for picture, w in ((fish, 1 - share), (other, share)) if w > 0]
     boxes = (picture.box_at(x_px, y_px) for picture in visible)
