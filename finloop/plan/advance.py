@@ -96,7 +96,7 @@ def steering_turn(  # type: ignore[no-untyped-def]
 def shift_to_route(  # type: ignore[no-untyped-def]
     route: Route, place: RoutePlace, speed_bl_s: float, tick: int, ticks: int, steering: Steering
 ):
-    """Shift a fish towards its route, and along it where it is early or late: a `RouteShift`.
+    """Return a fish's place shifted towards its route, and along it if early or late.
 
     place: before the shift; ticks: since the last shift. The shift is at most `steering.shift`
     times the speed, body lengths/s, for each of these ticks.
@@ -253,9 +253,10 @@ def turn_branch_to_row(graph, branch, row):  # type: ignore[no-untyped-def]
 def _advance_branch(search, branch, ticks):  # type: ignore[no-untyped-def]
     """Extend a branch by `ticks` of film if its new end is free; return whether it is.
 
-    Free is inside the tank and clear of other fish, at the new end alone; only then the branch
-    (dtype `BRANCH`) is changed in place. search: `Search`; its route, if that has points, steers
-    the branch: it turns evenly by `turn_deg` a tick, and at the end is shifted towards the route.
+    Free is inside the tank and clear of other fish; the ticks before the end are not tested. Only
+    then the branch (dtype `BRANCH`) is changed in place. search: `Search`; its route, if that has
+    points, steers the branch: it turns evenly by `turn_deg` a tick, and at the end is shifted
+    towards the route.
     """
     graph, start = search.graph, search.start
     row, route, steering = branch.row, search.objective.route, search.objective.steering

@@ -90,7 +90,7 @@ class Fallback:
         return stretch.cut(1)  # the last stretch to give way: the present picture, in place
 
     def count_free_ticks(self, fish: Fish, stretch: Stretch) -> int:
-        """Return how many ticks of a stretch are clear of other fish, even if the fish then stays.
+        """Return the most ticks of a stretch after which a fish can stop, clear of other fish.
 
         fish: at the beginning of the stretch.
         """

@@ -68,7 +68,7 @@ class MotionGraph(NamedTuple):
         raise AttributeError(name)
 
     def can_play_on(self, rows: NDArray[np.integer]) -> Mask:
-        """Return whether (k,) the film can play on for ever after showing each row (k,)."""
+        """Return after which of rows (k,) the film can play on for ever, as a mask (k,)."""
         goes_on: Mask = self.has_next[rows].copy()
         goes_on[goes_on] = self.recurrent[rows[goes_on] + 1]
         return goes_on
@@ -198,7 +198,7 @@ def rows_with_next(track_ids: Ints, barred: Mask) -> Mask:
 
 
 def random_fish_in_film(film: MotionGraph, tank: Tank, rng: np.random.Generator) -> Fish:
-    """Return a fish at a random legal place, at a row after which the film can play on for ever.
+    """Return a fish at a random place, in a row after which the film can play on for ever.
 
     Where jumps keep the heading, the row is turned by a random angle.
     """
@@ -230,7 +230,7 @@ def drawn_rotations(film_rows: NDArray[np.void], rows: Ints, trajectory: Floats)
 
 @kernel_part
 def jump_range(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
-    """Return the numbers of the jumps that can replace a row: the first, and one past the last."""
+    """Return the first jump that can replace a row, and one past the last; 0, 0 for none."""
     slot = film.rows[row].jump_slot
     if slot >= 0:
         return np.int64(film.start[slot]), np.int64(film.start[slot + 1])
@@ -299,7 +299,7 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
 
 
 def ticks_to_film_end(has_next: Mask) -> NDArray[np.int64]:
-    """Return for how many ticks (n,) the film plays on from each row, by `has_next` (n,)."""
+    """Return for how many ticks (n,) the film plays on from each row, until `has_next` is False."""
     last_rows = np.append(np.flatnonzero(~has_next[:-1]), len(has_next) - 1)
     rows = np.arange(len(has_next))
     return np.asarray(last_rows[np.searchsorted(last_rows, rows)] - rows)

@@ -195,10 +195,11 @@ def find_departures(
 def _cause_of_departure(
     first: pd.Series, last: pd.Series, path: Path, world: FilmWorld, limits: SwimmingLimits
 ) -> str:
-    """Return why no fish can follow a part of a path: "wall", "fast", "sharp", or "" if one can.
+    """Return what makes a part of a path impossible to follow: "wall", "fast", "sharp", or "".
 
-    The words are those of `LEFT`. first, last: rows of `PATH_ROWS` at which the part begins and
-    ends; the part is taken with a body length before and after. limits: of the film's fish.
+    The first that applies counts; "fast" only on a path with times. first, last: rows of
+    `PATH_ROWS` at which the part begins and ends; the part is taken with a body length before and
+    after. limits: of the film's fish.
     """
     length, asked = world.motion.body_length_px, path.asked
     places_px = np.arange(first["along_px"] - length, last["along_px"] + length, 0.1 * length)

@@ -533,7 +533,7 @@ class Planner:
 
     @cached_property
     def _look_ahead_ticks(self) -> int:
-        """Return how many ticks a search looks ahead, beyond the ticks that the fish then swims."""
+        """Return how many ticks a search looks ahead beyond those that the fish swims by it."""
         return self.world.to_ticks(self.world.settings.look_ahead_deltas)
 
     @cached_property
@@ -570,7 +570,7 @@ class Planner:
     # --- questions about stretches and pictures
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
-        """Return whether a stretch is clear of other fish, even if the fish stays after it."""
+        """Return whether a fish that swims a whole stretch, then stays, meets no other fish."""
         return self._fallback.count_free_ticks(state.fish, stretch) == len(stretch.trajectory)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:

@@ -58,8 +58,8 @@ def search_graph(
 ) -> SearchGraph:
     """Return the graph for a search through a film: its jumps, legs, and previews.
 
-    A leg is what a branch plays before it may jump again, see `NODE`. bounds: what keeps a
-    fish inside the tank; preview_ticks: how many ticks ahead previews look.
+    A leg is what a branch plays before it may jump again. bounds: what keeps a fish
+    inside the tank; preview_ticks: how many ticks ahead previews look.
     """
     run = ticks_to_film_end(film.rows["has_next"])
     # Jumps to where the film ends within a stride are dropped: branches with so short legs cost
@@ -74,10 +74,10 @@ def search_graph(
 
 
 def _leg_ticks(is_jump_row: Mask, run: Ints, stride: int) -> Ints:
-    """Return the duration (n,), in ticks, of the leg that begins at each row.
+    """Return the ticks (n,) played from each row to the first jump, or to the end of the film.
 
-    A leg ends as `NODE` says. is_jump_row (n,): whether jumps can replace the row; run
-    (n,): ticks to where the film ends.
+    Jumps less than `stride` ticks away do not count. is_jump_row (n,): whether jumps can replace
+    the row; run (n,): ticks to where the film ends.
     """
     rows = np.arange(len(run))
     # The last number, beyond all rows, is for rows without jumps farther on.

@@ -35,7 +35,7 @@ class FilmWorld(World):
 
     @cached_property
     def walls(self) -> Walls:
-        """Return the wall of the tank in the form that rules between fish take."""
+        """Return the walls of the tank, of which fish that swim by a rule keep clear."""
         return Walls(self.tank.arena, self.motion.body_length_px)
 
     @cached_property
@@ -47,7 +47,7 @@ class FilmWorld(World):
     def farthest_px(self) -> Floats:
         """Return the largest distances (t,), px, that the film's fish cover in 0, 1, 2 … ticks.
 
-        They reach as far ahead as a fish expects others to keep their places, and twice that.
+        They reach twice as far ahead as a fish expects others to keep their places.
         """
         return farthest_distances(self.film, self.to_ticks(2 * self.settings.give_way) + 2)
 
@@ -89,13 +89,13 @@ class FilmWorld(World):
 
     @cached_property
     def fast_bl_s(self) -> float:
-        """Return the speed of a fast fish of the film, body lengths/s."""
+        """Return the speed of a fast fish of the film, body lengths/s; 1 if it shows none."""
         speeds = self.film.speed[self.film.has_next]
         return fast_speed(speeds, self.settings) if len(speeds) else 1.0
 
     @cached_property
     def fastest_bl_s(self) -> float:
-        """Return the highest speed of the film's fish, body lengths/s."""
+        """Return the highest speed of the film's fish, body lengths/s, without tracking faults."""
         speeds = np.concatenate([track.speed for track in self.motion.tracks])
         return float(np.quantile(speeds, _FASTEST))
 
