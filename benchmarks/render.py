@@ -1,13 +1,15 @@
 """Speed of drawing at 1280×720 RGB, against the copy of one frame through memory in the same run.
 
 `python -m benchmarks.render` prints the table and writes benchmarks/render.csv. A frame is done
-when the canvas holds all of it. The fish is a drawn carp, at any angle and any subpixel place. The
-file encoders are measured last, on their own.
+when the canvas holds all of it. The fish is a drawn carp, at any angle and any subpixel place.
+Drawing takes one core; its seconds are of processor time, so other programs do not slow it down.
+The file encoders are measured last, on their own, by the clock.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
 import tempfile
+import time
 from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
@@ -32,7 +34,8 @@ from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, PlacedFish
 
 SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
-TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)
+TICKS, RATE = 300, Fraction(25)
+LEAST_HZ = {"one fish": 1000, "eight fish": 300}  # over the living tank
 
 
 def swim_in_circle(
@@ -111,6 +114,7 @@ def ways_to_draw(
         "one fish, with marks": render_with_marks,
         "eight fish": lambda: draw(school),
         "eight fish, living tank": lambda: draw(school, living),
+        "eight fish, living tank in the film's light": lambda: draw(school, lit),
         "eight fish, all joined": lambda: draw(cross_faded_and_bent),
     }
 
@@ -159,7 +163,9 @@ def main() -> None:
                     np.copyto(copy, frame)
 
             for name_of_way, draw_all in ways_to_draw(background, gallery, bodies).items():
-                drawing_s, copying_s, ratio, _ = time_pairs(draw_all, copies)
+                drawing_s, copying_s, ratio, _ = time_pairs(
+                    draw_all, copies, clock=time.process_time
+                )
                 rows.append((name_of_way, TICKS / drawing_s, TICKS / copying_s, ratio))
             print_encoder_speeds(background, swim_in_circle(gallery, bodies), folder)
     columns = ["drawn", "frames_per_s", "copies_per_s", "time_ratio"]
@@ -167,7 +173,7 @@ def main() -> None:
         {"frames_per_s": 0, "copies_per_s": 0, "time_ratio": 2}
     )
     write_table(__file__, table)
-    print(f"wanted: {LEAST_HZ} frames/s; {THREADS} threads")
+    print(f"wanted over a living tank, frames/s: {LEAST_HZ}; {THREADS} threads")
 
 
 if __name__ == "__main__":

@@ -59,22 +59,25 @@ PAIRS, LONG_PAIRS = 5, 3
 TIMES = 10  # length of the long film / zebrafish A
 
 
-def time_call(work: Callable[[], Any]) -> tuple[float, Any]:
-    """Return the seconds that `work` takes, and its result."""
-    start = time.perf_counter()
+def time_call(
+    work: Callable[[], Any], clock: Callable[[], float] = time.perf_counter
+) -> tuple[float, Any]:
+    """Return the seconds that `work` takes by a clock, and its result."""
+    start = clock()
     result = work()
-    return time.perf_counter() - start, result
+    return clock() - start, result
 
 
 def time_pairs(
-    ours: Callable[[], Any], theirs: Callable[[], Any], pairs: int = PAIRS
-) -> tuple[float, float, float, Any]:
+    ours: Callable[[], Any], theirs: Callable[[], Any], pairs: int = PAIRS,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[float, float, float, Any]:  # fmt: skip
     """Return the median seconds of both, the median ratio ours / theirs, and our result."""
     ours(), theirs()
     times = []
     for _ in range(pairs):
-        our_s, result = time_call(ours)
-        times.append((our_s, time_call(theirs)[0]))
+        our_s, result = time_call(ours, clock)
+        times.append((our_s, time_call(theirs, clock)[0]))
     return (
         median(our for our, _ in times),
         median(their for _, their in times),

@@ -28,6 +28,7 @@ import stages.plots.render
 import stages.render
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
 from finloop.edit.schema import EDIT, Goal
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
@@ -734,6 +735,17 @@ def too_short(folder):
 def edit_columns(folder, **columns):
     path = folder / "data/animate/network.parquet"
     save_table(path, pd.read_parquet(path).assign(**columns), EDIT)
+
+
+def test_a_coded_film_keeps_the_tanks_grain(tmp_path):
+    rng, crf = np.random.default_rng(0), settings("render").crf
+    frames = [
+        np.clip(np.rint(rng.normal(150, 1.5, (96, 128, 1))), 0, 255).astype(np.uint8).repeat(3, 2)
+        for _ in range(12)
+    ]
+    write_frames(Mp4Writer(tmp_path / "a.mp4", frames[0].shape, RATE, crf), frames)
+    shown = [frame.to_ndarray(format="rgb24") for frame in _video_frames(tmp_path / "a.mp4")]
+    assert np.std(shown, axis=0).mean() == pytest.approx(np.std(frames, axis=0).mean(), rel=0.12)
 
 
 def test_a_replay_of_the_film_is_the_film(folder):

@@ -28,6 +28,7 @@ from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts, read_frames
 # With B-frames, look-ahead or weights x264 reads uninitialised memory: its output would then depend
 # on what else the process has done.
 _REPEATABLE = {"bf": "0", "x264-params": "mbtree=0:rc-lookahead=0:weightp=0"}
+_GRAIN = {"tune": "grain"}  # x264 would smooth a tank's grain, and spend more on it
 _MOST_WAITING = 4  # frames that wait to be coded
 _KEY_EVERY_S = 2  # a player can seek to every two seconds
 _COLOURS = {
@@ -239,7 +240,7 @@ class Mp4Writer(FilmWriter):
 
     def __enter__(self) -> Self:
         """Open an MP4 file with a H.264 stream and return this writer."""
-        options = {"crf": self._quality, "preset": "veryfast"} | _REPEATABLE
+        options = {"crf": self._quality, "preset": "veryfast"} | _REPEATABLE | _GRAIN
         stream = self._open_stream("mp4", {"movflags": "+faststart"}, "libx264", options)
         self._set_yuv420_format(stream, "yuv420p", Colorspace.ITU709)
         return self

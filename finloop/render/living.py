@@ -56,8 +56,7 @@ class LivingTank:
         """Multiply a canvas (h, w, channels), in place, by the film's brightness at a tick."""
         gain = self.light_at(tick)
         if gain != 1.0:
-            table = np.clip(np.rint(np.arange(256) * gain), 0, 255).astype(np.uint8)
-            cv2.LUT(canvas, table, dst=canvas)
+            cv2.convertScaleAbs(canvas, dst=canvas, alpha=gain)
 
     def _next_number(self) -> int:
         """Return the number of the picture that follows the last one of the order."""
