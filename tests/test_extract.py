@@ -157,11 +157,20 @@ def test_the_median_takes_the_noise_down_in_any_order_and_light_of_frames():
     tank = floor()
     frames = [np.round(tank + rng.normal(0, 4, SIZE)).astype(np.uint8) for _ in range(25)]
     background = median_background(frames)
-    other = median_background(frames[::-1])  # in the light of another frame, measured on noise
+    other = median_background(frames[::-1])
     assert np.abs(background.astype(int) - other).max() <= 2
     assert (background.astype(float) - tank).std() < 1.5
-    lit = [scale_brightness(tank, gain) for gain in (1.0, 0.85, 1.15, 0.9, 1.1)]
+    lit = [scale_brightness(tank, gain) for gain in (1.15, 0.85, 0.9, 1.0, 1.1)]
     assert np.abs(median_background(lit).astype(int) - tank).max() <= 2
+
+
+@pytest.mark.parametrize("bright", [1, 12])
+def test_the_tank_has_the_median_light_of_the_film_not_that_of_its_first_frames(bright):
+    tank = floor()
+    gains = [1.15] * bright + [0.97, 1.03] * ((24 - bright) // 2) + [1.0] * (1 + bright % 2)
+    found = median_background([scale_brightness(tank, gain) for gain in gains])
+    light = np.median([scale_brightness(tank, gain).mean() for gain in gains])
+    assert found.mean() == pytest.approx(light, rel=0.005)
 
 
 @pytest.mark.parametrize("colour", [False, True])

@@ -5,7 +5,7 @@ background is the median of frames spread over the clip; the noise level is the 
 of the smoothed difference image where no fish is; the threshold is a multiple of it.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal
@@ -73,17 +73,24 @@ class _LightMeter:
         self._middle = float(np.median(self._levels)) if self._lit.any() else 0.0
 
     def measure(self, frame: Picture) -> float:
-        """Return a frame's brightness divided by the background's: the median ratio of pixels.
+        """Return a frame's brightness divided by the background's, 1.0 if both are nearly equal."""
+        return self.round_gain(self.measure_ratio(frame))
 
-        It is 1.0 if they differ by less than half a grey level, or the background has no bright
-        pixel.
+    def round_gain(self, gain: float) -> float:
+        """Return a gain, or 1.0 if it changes the background by less than half a grey level."""
+        return 1.0 if abs(gain - 1.0) * self._middle < 0.5 else gain
+
+    def measure_ratio(self, frame: Picture) -> float:
+        """Return the median ratio of a frame's pixels and the background's.
+
+        It is 1.0 if the background has no bright pixel, or the frame is black there.
         """
         if not len(self._levels):
             return 1.0
         # The median of the ratios; np.median takes twice as long.
         ratios = np.sort(frame[::_GRID, ::_GRID][self._lit] / self._levels)
         gain = float(ratios[(len(ratios) - 1) // 2] + ratios[len(ratios) // 2]) / 2
-        return 1.0 if abs(gain - 1.0) * self._middle < 0.5 or gain <= 0 else gain
+        return gain if gain > 0 else 1.0
 
     def measure_channels(self, frame: Picture, gain: float, threshold: float) -> Floats | None:
         """Return a frame's brightness divided by the background's, per channel: (1,) or (3,).
@@ -132,18 +139,17 @@ def scale_brightness(picture: Picture, gain: float) -> Picture:
     return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
-def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Picture:
-    """Return the median picture (h, w[, 3]) of frames, all scaled to the first one's brightness.
+def median_background(frames: Sequence[Picture], workers: Threads = ALONE) -> Picture:
+    """Return the median picture (h, w[, 3]) of frames, all scaled to their median brightness.
 
     frames: an odd number of pictures, all (h, w[, 3]).
     """
-    first, *others = frames
-    equally_bright = [
-        first,
-        *(scale_brightness(frame, 1 / relative_brightness(frame, first)) for frame in others),
-    ]
+    meter = _LightMeter(frames[len(frames) // 2])
+    brightness = np.array([meter.measure_ratio(frame) for frame in frames])
+    gains = [meter.round_gain(gain) for gain in np.median(brightness) / brightness]
+    equally_bright = list(map(scale_brightness, frames, gains))
     # A strip of every frame at a time fits into the processor's cache.
-    strips = [slice(top, top + _STRIP) for top in range(0, len(first), _STRIP)]
+    strips = [slice(top, top + _STRIP) for top in range(0, len(frames[0]), _STRIP)]
     medians = ordered_map(
         lambda strip: _median_picture([frame[strip] for frame in equally_bright]), strips, workers
     )
