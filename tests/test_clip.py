@@ -26,6 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import ExifTags, Image
 from scipy.io import savemat
+from scratch import carp_frames
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values, settings, variants
@@ -833,6 +834,40 @@ def test_an_array_is_a_film(tmp_path, order, ending):
     frames = read(footage)[1]
     shown = pages if order.startswith("RGB") else pages[..., 0]
     np.testing.assert_array_equal(frames, shown)
+
+
+@pytest.fixture(scope="module")
+def carp_film():
+    return np.array(carp_frames(40))  # two blocks of an array
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("ending", [".npy", ".h5", "RGB"])
+def test_the_axis_of_an_array_s_frames_is_found_by_its_levels(tmp_path, carp_film, ending, axis):
+    frames = carp_film
+    if ending == "RGB":
+        frames = np.stack([frames, frames // 2, frames], axis=-1)
+    path, stored = tmp_path / f"film{ending.replace('RGB', '.npy')}", np.moveaxis(frames, 0, axis)
+    if ending == ".h5":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            file["film"] = stored
+    else:
+        np.save(path, stored)
+    footage = open_footage(path, frame_rate_hz=10)
+    np.testing.assert_array_equal(read(footage)[1], frames)
+    assert "40 frames of 224×168 px" in footage.notes[0]
+
+
+def test_an_array_whose_axis_of_frames_is_unsure(tmp_path):
+    noise = np.random.default_rng(0).integers(-3, 4, (40, 40, 40))
+    np.save(path := tmp_path / "film.npy", noise)  # the first axis is as good as any
+    assert open_footage(path, frame_rate_hz=10).frames_expected == 40
+    np.save(path, (128 + np.arange(40)[:, None, None] * noise).astype(np.uint8))
+    with pytest.raises(
+        FinloopError, match=r"\(40, 40, 40\) in .*film.npy are the frames is unsure"
+    ):
+        open_footage(path, frame_rate_hz=10)
 
 
 def test_an_array_that_is_no_film_is_refused_by_name(tmp_path):

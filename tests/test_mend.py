@@ -1,6 +1,7 @@
 """What is wrong with a film is mended, and what is not is left to the byte."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from fractions import Fraction
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from scratch import carp_frames, write_frames
 
 from finloop.base.settings import settings
 from finloop.clip.check import Quality
-from finloop.clip.rewrite import ClipResult, choose_repairs, is_better, make_clip
+from finloop.clip.rewrite import ClipResult, Watch, choose_repairs, is_better, make_clip
 from finloop.clip.shake import Shift, undo_shift
 from finloop.clip.verdict import list_findings
 from finloop.clip.write import open_clip_source, write_clip
@@ -30,15 +31,16 @@ def carp() -> Frames:
 
 
 def clip_of(
-    folder: Path, frames: Frames, rate: int = 25, **values
-) -> tuple[ClipResult, list[np.ndarray]]:
+    folder: Path, frames: Frames, rate: int = 25,
+    show_progress: Watch = lambda *_: nullcontext(lambda: None), **values,
+) -> tuple[ClipResult, list[np.ndarray]]:  # fmt: skip
     """What becomes of a film of these frames."""
     shot, home = folder / "film.mp4", folder / "clip"
     height, width = frames[0].shape[:2]
     write_frames(VideoWriter(shot, width, height, Fraction(rate), frames[0].ndim == 3), frames)
     home.mkdir(exist_ok=True)
     p = settings("clip", source="file", path=str(shot), **values)
-    one = make_clip(p, open_clip_source(p), home)
+    one = make_clip(p, open_clip_source(p), home, show_progress)
     return one, [x.copy() for x in read_frames(home / CLIP_NAME, colour=frames[0].ndim == 3)]
 
 
@@ -90,6 +92,22 @@ def test_pictures_shown_twice_are_shown_once_at_their_time(tmp_path, carp):
     assert len(clip) == 30 and off(clip, carp) == 0
     frames = load_table(tmp_path / "clip" / FRAMES_NAME, FRAMES)["source_frame"].to_numpy()
     assert [k * 2 // 3 for k in frames] == list(range(30))  # each shows its own frame of the film
+
+
+def test_a_long_film_with_doubled_pictures_is_written_once(tmp_path, carp):
+    film = [*carp, *carp[-2:0:-1]] * 2
+    shot = [film[k * 4 // 5] for k in range(140)]  # more frames than a sample has
+    words = []
+
+    def watch(word, frames):
+        words.append((word, frames))
+        return nullcontext(lambda: None)
+
+    one, clip = clip_of(tmp_path, shot, rate=30, show_progress=watch)
+    assert one.mended == {"undouble"} and one.facts.frame_rate == 24
+    assert off(clip, film[:112]) == 0
+    assert words == [("check", 140), ("clip", 112)]
+    assert one.filmed.doubled_pct == pytest.approx(20, abs=1) and one.quality.doubled_pct == 0
 
 
 @pytest.mark.parametrize("upper", [True, False])

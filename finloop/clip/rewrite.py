@@ -29,7 +29,7 @@ from finloop.clip.check import (
     check_film,
     measure_shake,
 )
-from finloop.clip.doubled import RepeatedFrames, find_repeats
+from finloop.clip.doubled import RepeatedFrames, find_repeats, picture_change
 from finloop.clip.light import measure_gain, measure_light
 from finloop.clip.settings import ClipSettings, FootageSettings
 from finloop.clip.shake import (
@@ -45,6 +45,7 @@ from finloop.clip.shake import (
 from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
 from finloop.clip.write import ClipSource, open_footage_source, write_clip
 from finloop.io.footage.source import STRETCHES, Footage, NumberedFrames, Order
+from finloop.io.footage.timing import FrameCounts, resample_nearest
 from finloop.io.picture import save_picture
 from finloop.io.table import save_table
 from finloop.io.video import (
@@ -198,8 +199,9 @@ def make_clip(
     Repairs are tried on a sample of the film. Those that make it better (`is_better`) are made
     while the clip is written; one that was refused on the sample is not tried again. Then all of
     the clip is checked: a repair that does not help there is left out, one that the sample did not
-    ask for is added, and the clip is written again. So is a clip with repeated frames, whose rhythm
-    only the whole film shows. The folder also receives a table of checks (`CHECK_NAME`) and a
+    ask for is added, and the clip is written again. Where the sample has repeated frames the film
+    is read once before it is written, as only the whole shows their rhythm. The folder also
+    receives a table of checks (`CHECK_NAME`) and a
     picture of the empty tank (`TANK_NAME`). show_progress(word, frames): a context that yields a
     function to call after each frame. FinloopError if the film has fewer than two readable or only
     plain frames, or the arena does not fit.
@@ -208,7 +210,7 @@ def make_clip(
     if not isinstance(p, FootageSettings) or source.footage is None:
         version = write(_Reading())
         return _make_result(version, version.quality)
-    version, filmed = _write_planned_version(p, source.footage, write)
+    version, filmed = _write_planned_version(p, source.footage, write, show_progress)
     for kind in (_PICTURE_REPAIRS, _VIEW_REPAIRS):
         version = _add_repairs(p, version, kind, write)
     return _make_result(version, filmed)
@@ -221,11 +223,11 @@ def _make_result(version: _Version, filmed: Quality) -> ClipResult:
 
 
 def _write_planned_version(
-    p: FootageSettings, footage: Footage, write: _Make
+    p: FootageSettings, footage: Footage, write: _Make, show_progress: Watch
 ) -> tuple[_Version, Quality]:
     """Write a clip with the repairs that help its sample; return it and the film's quality.
 
-    The film's quality is that before any repair.
+    The film's quality is that before any repair. show_progress: see `make_clip`.
     """
     sample = _FilmSample(footage)
     is_asked = any(getattr(p, mode) != "never" for mode in REPAIRED_BY.values())
@@ -233,9 +235,16 @@ def _write_planned_version(
         version = write(_Reading())
         return version, version.quality
     planned = as_filmed = sample.make_version(_Reading())
-    for kind in ({"deinterlace"}, _VIEW_REPAIRS):  # a rhythm of repeats shows in the whole film
+    for kind in ({"deinterlace"}, _VIEW_REPAIRS):
         planned = _add_repairs(p, planned, kind, sample.make_version)
-    version = _make_repairs(p, as_filmed, planned.mended, write, has_smaller_fault)
+    mended = planned.mended
+    mode = p.drop_repeated_frames
+    if mode == "always" or (mode == "auto" and planned.quality.doubled_pct >= DOUBLED_PCT):
+        with show_progress("check", footage.frames_expected) as advance:
+            source = _read_footage(p, footage, planned.reading)
+            as_filmed = _count_repeats(as_filmed, source, advance)
+        mended |= choose_repairs(p, as_filmed.quality, 1) & {"undouble"}
+    version = _make_repairs(p, as_filmed, mended, write, has_smaller_fault)
     version = replace(version, refused=version.refused | planned.refused)
     if not version.mended:
         return version, version.quality
@@ -243,6 +252,26 @@ def _write_planned_version(
     if corrector:
         filmed = corrector.measure_film(filmed, version.facts.frame_rate_hz)
     return version, replace(filmed, coding_quantiser=version.quality.coding_quantiser)
+
+
+def _count_repeats(sample: _Version, source: ClipSource, advance: Callable[[], None]) -> _Version:
+    """Read a whole film; return its sample's version with the repeats of all frames.
+
+    Without a constant rate there are none to drop. `advance()` is called after each frame.
+    """
+    timing, changes, last = FrameCounts(), list[float](), None
+    for frames in source.streams:
+        for _, frame in resample_nearest(frames, source.facts.frame_rate, timing):
+            grey = to_grey(thin_frame(frame))
+            changes.append(float("nan") if last is None else picture_change(last, grey))
+            last = grey
+            advance()
+    repeats = find_repeats(np.array(changes))
+    rate = repeats.rate
+    if timing.repeated or timing.dropped or source.loss.lost_frames or len(timing.cuts) > 1:
+        rate = float("nan")
+    quality = replace(sample.quality, doubled_pct=100 * repeats.share, doubled_rate=rate)
+    return replace(sample, tally=ClipTally(changes=changes), quality=quality)
 
 
 @dataclass

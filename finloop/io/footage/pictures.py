@@ -19,7 +19,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads, ordered_map
 from finloop.base.stretches import spread_rows
 from finloop.base.thin import thin_frame
-from finloop.io.footage.arrays import frame_of_array, open_film_array
+from finloop.io.footage.arrays import open_film_array
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
     SAMPLES,
@@ -70,13 +70,14 @@ def _open_album(path: Path, has_rate: bool) -> Iterator[Album]:
         with _open_stack(path, has_rate) as album:
             yield album
     else:
-        with open_film_array(path) as (array, rate):
-            numbers = np.arange(len(array))
+        with open_film_array(path) as film:
+            numbers = np.arange(len(film))
             names = [f"{path}, frame {k + 1}," for k in numbers]
-            times = numbers / rate if rate and not has_rate else None
-            height, width = frame_of_array(array, 0).shape[:2]
-            note = f"the array {array.shape} is read as {len(array)} frames of {width}×{height} px"
-            yield Album(names, partial(frame_of_array, array), numbers, (note,), times)
+            times = numbers / film.rate_hz if film.rate_hz and not has_rate else None
+            height, width = film.load_frame(0).shape[:2]
+            shape = tuple(film.array.shape)
+            note = f"the array {shape} is read as {len(film)} frames of {width}×{height} px"
+            yield Album(names, film.load_frame, numbers, (note,), times)
 
 
 def _list_folder(folder: Path, has_rate: bool) -> Album:
