@@ -701,6 +701,8 @@ CSV_OF_PROGRAMS = {
     "0,1.5,2,1,train\n3,4,5,1,unused\n",
     "SLEAP": "track,frame_idx,instance.score,nose.x,nose.y,nose.score\na,0,1,1.5,2,1\na,3,1,4,5,1\n",
     "idtracker.ai": "frame,time,individual,x,y\n0,0,0,1.5,2\n3,0.1,0,4,5\n",
+    "FastTrack": "xHead,yHead,tHead,xTail,yTail,tTail,xBody,yBody,tBody,curvature,imageNumber,id\n"
+    "1.5,2,0,7,8,0,3,4,0,0.1,0,5\n4,5,0,7,8,0,3,4,0,0.1,3,5\n",
     "TRex": "frame,X (px),Y (px),missing\n0,1.5,2,0\n3,4,5,0\n",
 }  # fmt: skip
 HANDLED = {
@@ -780,6 +782,33 @@ def test_the_analysis_csv_of_sleap_is_read(tmp_path):
     path.write_text("\n".join([head, rows[1], rows[1]]))
     with pytest.raises(FinloopError, match="several animals of a frame"):
         load_poses(path, None, 25.0)
+
+
+def test_tracking_txt_of_fasttrack_gives_head_centre_and_tail_of_every_animal(tmp_path, film):
+    poses, rows = film[1], []
+    for animal, frame, places in zip(poses.individual, poses.frame, poses.places, strict=True):
+        (hx, hy), (tx, ty), (x, y) = places
+        row = [hx, hy, 1.5, tx, ty, 0.2, x, y, 3.1, 0.01, 180.5, frame, 2 * animal]
+        rows.append("\t".join(map(str, row)))
+    named = [f"{axis}{part}" for part in ("Head", "Tail", "Body") for axis in "xyt"]
+    head = "\t".join([*named, "curvature", "areaBody", "imageNumber", "id"])
+    (tmp_path / "Tracking_Result").mkdir()
+    path = tmp_path / "Tracking_Result" / "tracking.txt"
+    path.write_text("\n".join([head, *rows]) + "\n")
+    for given in (path, path.parent):
+        found = load_poses(given, None, 25.0)
+        assert found.individuals == ("0", "2", "4") and found.keypoints == (
+            "head",
+            "centre",
+            "tail",
+        )
+        np.testing.assert_allclose(arrays(found), arrays(poses)[:, :, [0, 2, 1]])
+    path.write_text("\n".join([head, rows[0], rows[0]]))
+    with pytest.raises(FinloopError, match="several animals of a frame"):
+        load_poses(path, None, 25.0)
+    path.write_text("\n".join(line.replace("imageNumber", "image") for line in [head, *rows]))
+    with pytest.raises(FinloopError, match=r"imageNumber(.|\n)*begins with xHead"):
+        load_poses(path, "FastTrack", 25.0)
 
 
 def test_labelled_pictures_and_half_a_head_are_no_tracks(tmp_path):

@@ -11,7 +11,7 @@ from finloop.base.arrays import Floats, Mask
 
 Software = Literal[
     "DeepLabCut", "SLEAP", "LightningPose", "Anipose", "NWB", "VIA-tracks", "movement",
-    "idtracker.ai", "TRex",
+    "idtracker.ai", "TRex", "FastTrack",
 ]  # fmt: skip
 """The programs whose files `finloop.io.poses` reads."""
 

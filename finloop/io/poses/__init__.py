@@ -1,8 +1,8 @@
 """Tracks of another program as poses: which program made them, and where animals are in each frame.
 
 `movement` reads SLEAP, Anipose, NWB, VIA and its own format; it is optional (the extra `tracks`).
-This package itself reads DeepLabCut, LightningPose, the CSV of SLEAP, idtracker.ai and TRex. No
-file runs anything: whatever is stored as a pickle may only hold words, numbers and arrays.
+This package itself reads DeepLabCut, LightningPose, the CSV of SLEAP, FastTrack, idtracker.ai and
+TRex. No file runs anything: whatever is stored as a pickle may only hold words, numbers and arrays.
 """
 
 import csv
@@ -18,7 +18,12 @@ from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, Software, poses_from_arrays
 from finloop.io.poses.extra import import_extra, not_installed_error, unreadable_error
 from finloop.io.poses.idtracker import read_idtracker
-from finloop.io.poses.keypoints import read_deeplabcut, read_sleap_csv
+from finloop.io.poses.keypoints import (
+    FASTTRACK_NAME,
+    read_deeplabcut,
+    read_fasttrack,
+    read_sleap_csv,
+)
 from finloop.io.poses.text import TEXTS, first_lines, read_plain_csv
 from finloop.io.poses.trex import read_trex
 
@@ -54,6 +59,8 @@ def load_poses(
         poses = read_idtracker(path)
     elif software == "TRex":
         poses = read_trex(path)
+    elif software == "FastTrack":
+        poses = read_fasttrack(path)
     elif software in ("DeepLabCut", "LightningPose") and path.is_file():
         poses = read_deeplabcut(path, software)
     elif software == "SLEAP" and path.suffix.lower() in TEXTS:
@@ -100,6 +107,8 @@ def _folder_software(path: Path) -> Software | None:
     names = {file.name for file in path.iterdir()}
     if any(name.startswith(("trajectories", "validated", "with")) for name in names):
         return "idtracker.ai"
+    if FASTTRACK_NAME in names:
+        return "FastTrack"
     suffixes = {Path(name).suffix.lower() for name in names}
     if ".nwb" in suffixes:
         return "NWB"
@@ -119,6 +128,8 @@ def _csv_software(path: Path) -> Software | None:
         return "DeepLabCut"  # LightningPose writes the same
     if {"track", "frame_idx"} <= names:
         return "SLEAP"
+    if {"xHead", "yHead", "imageNumber"} <= names:
+        return "FastTrack"
     has_places = {"x1", "y1"} <= names and names & {"time", "seconds"}
     if has_places or {"frame", "individual", "x", "y"} <= names:
         return "idtracker.ai"

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 from finloop.base.errors import FinloopError
-from finloop.io.poses.text import first_lines
+from finloop.io.poses.text import TEXTS, first_lines
 
 
 def import_extra(module: str, path: object) -> ModuleType:
@@ -35,7 +35,7 @@ def unreadable_error(path: object, software: str, why: object) -> FinloopError:
     why: the reason. Of a CSV the error also says how it begins.
     """
     seen = ""
-    if isinstance(path, Path) and path.suffix.lower() == ".csv" and path.is_file():
+    if isinstance(path, Path) and path.suffix.lower() in TEXTS and path.is_file():
         with suppress(FinloopError, OSError):
             seen = f"; it begins with {first_lines(path)}"
     return FinloopError(

@@ -1,4 +1,4 @@
-"""Tracks in tables of keypoints: DeepLabCut, LightningPose, and the CSV of SLEAP's analysis.
+"""Tracks in tables of keypoints: DeepLabCut, LightningPose, FastTrack, the CSV of SLEAP's analysis.
 
 A table of DeepLabCut has a column for each number of each keypoint of each animal. Its head has the
 rows scorer, individuals (of several animals), bodyparts and coords. LightningPose writes the same,
@@ -21,6 +21,8 @@ from finloop.io.poses.pickled import load_harmless_pickle
 from finloop.io.poses.text import TEXTS, read_plain_csv
 
 _COORDS = ("x", "y", "likelihood")
+FASTTRACK_NAME = "tracking.txt"
+_FASTTRACK_PARTS = {"head": "Head", "centre": "Body", "tail": "Tail"}  # keypoint: in its columns
 _KEY = "df_with_missing"  # of the table in an HDF5 file of DeepLabCut
 Labels = list[tuple[str, ...]]
 """The head of a table: for each column its scorer, animal if there are several, keypoint, coord."""
@@ -130,14 +132,45 @@ def read_sleap_csv(path: Path) -> Poses:
         nodes = [name.removesuffix(".x") for name in table if name.endswith(".x")]
         columns = [[f"{node}.{part}" for part in ("x", "y", "score")] for node in nodes]
         values = table[np.ravel(columns)].to_numpy(float).reshape(len(table), len(nodes), 3)
-        frame, row = np.unique(table["frame_idx"].to_numpy(np.int64), return_inverse=True)
-        animal, names = pd.factorize(table["track"].fillna("animal"))
+        frame, animal = table["frame_idx"].to_numpy(np.int64), table["track"].fillna("animal")
     except (LookupError, TypeError, ValueError) as error:
         raise unreadable_error(path, "SLEAP", error) from error
-    if table.duplicated(["track", "frame_idx"]).any():
-        raise unreadable_error(path, "SLEAP", "several animals of a frame have the same track")
-    cells = np.full((len(frame), len(names), len(nodes), 3), np.nan)
-    cells[row, animal] = values
+    return _poses_from_rows(path, "SLEAP", frame, animal, nodes, values)
+
+
+def read_fasttrack(path: Path) -> Poses:
+    """Load poses of FastTrack's `tracking.txt`, or of the folder with it: head, centre and tail.
+
+    It has a row for each animal in each frame, with the columns xHead, yHead, xBody, yBody, xTail,
+    yTail, imageNumber and, of several animals, id. FinloopError if a column is missing, or an
+    animal occurs twice in a frame.
+    """
+    path = path / FASTTRACK_NAME if path.is_dir() else path
+    columns = [f"{axis}{part}" for part in _FASTTRACK_PARTS.values() for axis in "xy"]
+    try:
+        table = pd.read_csv(io.StringIO(read_plain_csv(path)))
+        places = table[columns].to_numpy(float).reshape(len(table), len(_FASTTRACK_PARTS), 2)
+        frame = table["imageNumber"].to_numpy(np.int64)
+        animal = table["id"] if "id" in table else pd.Series(np.zeros(len(table), np.int64))
+    except (LookupError, OSError, TypeError, ValueError) as error:
+        raise unreadable_error(path, "FastTrack", error) from error
+    return _poses_from_rows(path, "FastTrack", frame, animal, list(_FASTTRACK_PARTS), places)
+
+
+def _poses_from_rows(
+    path: Path, software: str, frame: Ints, animal: pd.Series, keypoints: list[str], values: Floats
+) -> Poses:
+    """Return the poses in rows, each of an animal in a frame; FinloopError if one occurs twice.
+
+    frame (rows,): numbers; animal (rows,): names; values (rows, keypoints, 2 or 3): x, y, perhaps
+    confidence. path, software: for the message.
+    """
+    if pd.DataFrame({"frame": frame, "animal": animal}).duplicated().any():
+        raise unreadable_error(path, software, "several animals of a frame have the same track")
+    frames, row = np.unique(frame, return_inverse=True)
+    number, names = pd.factorize(animal)
+    cells = np.full((len(frames), len(names), len(keypoints), 3), np.nan)
+    cells[row, number, :, : values.shape[-1]] = values
     return poses_from_arrays(
-        tuple(map(str, names)), tuple(nodes), frame, cells[..., :2], cells[..., 2]
+        tuple(map(str, names)), tuple(keypoints), frames, cells[..., :2], cells[..., 2]
     )
