@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro pull play blind runs sweep lint params-check bench docs pictures clean
+TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro pull play blind stimulus runs sweep lint params-check bench docs pictures clean
 .PHONY: $(TARGETS)
 
 # A second film beside FILM, or half of a path with a space, is a target to make: it would be left out in silence.
@@ -79,6 +79,7 @@ setup: ## create .venv from requirements.lock, once
 
 .PHONY: $(VENV)
 $(VENV):
+	@test ! -L $(VENV) || { echo "finloop: $(VENV) is a link to $$(readlink $(VENV)), an environment of another folder, which a new one would empty; remove the link (rm $(VENV)), then: make setup"; exit 1; }
 	@command -v git >/dev/null || { echo "finloop: git is missing; install it (apt-get install git)"; exit 1; }
 	@test -n "$(PYTHON)" || { echo "finloop: Python 3.11, 3.12 or 3.13 is wanted; install one, or: make PYTHON=/path/to/python3 setup"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "finloop: $(PYTHON) lacks the venv module; install it (apt-get install python3-venv)"; exit 1; }
