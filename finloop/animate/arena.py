@@ -308,8 +308,9 @@ def choose_fish_area(
 ) -> Mask:
     """Return where a fish may be (h, w): `tank_area`, or the arena if "auto" leaves it no room.
 
-    It has no room if it does not fit in: it reaches `reach_px` from its centre. The other
-    parameters are those of `tank_area`.
+    It has no room if it does not fit in: it reaches `reach_px` from its centre. hulls: of the
+    film's outlines; tank_setting: "arena", "filmed" or "auto"; floor: the empty tank, None if
+    unknown.
     """
     area = tank_area(arena, hulls, tank_setting, floor)
     return arena if tank_setting == "auto" and not _legal_centres(area, reach_px).any() else area
@@ -338,7 +339,7 @@ def goal_name(number: int) -> str:
 def place_goals(
     given_goals: Sequence[Sequence[float]], unit: str, tank: Tank, touch_px: float
 ) -> list[Goal]:
-    """Convert the goals of the parameters to px of the clip; raise FinloopError for bad ones.
+    """Return the goals of the parameters in px of the clip; FinloopError if any is bad.
 
     given_goals: [x, y] each; unit: "px", or "tank" for shares of the tank's width and height, from
     its upper left corner. A fish touches what is within `touch_px` of a legal centre. FinloopError,
@@ -376,7 +377,7 @@ def place_goals(
 def _goal_from_shares(
     share_x: float, share_y: float, tank: Tank, touch_px: float
 ) -> tuple[float, float]:
-    """Convert a goal from shares of the tank's width and height to x, y px; move it into reach.
+    """Return x, y px of a goal in shares of the tank's width and height, moved into reach.
 
     Shares of 0-1 may lie outside the tank, as in the corner of a round one, or more than `touch_px`
     from a legal centre: then they are moved to the nearest legal centre. Shares below 0 or above 1

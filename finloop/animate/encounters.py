@@ -35,7 +35,7 @@ class PlacedPicture(NamedTuple):
 def place_outline(
     outline: Floats, x_px: float, y_px: float, heading_deg: float, mirrored: bool
 ) -> Floats:
-    """Convert an outline about the mass centre to one on screen, x, y px (p, 2).
+    """Return an outline as it is on screen, x, y px (p, 2).
 
     outline (p, 2): px ahead of and to the left of the mass centre; x_px, y_px, heading_deg: of the
     fish; mirrored: whether left is right.

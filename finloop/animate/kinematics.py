@@ -163,12 +163,12 @@ def swim_turn(  # type: ignore[no-untyped-def]
     """Swim a turn to an aim; return the trajectory, whether it is possible, and the tick of touch.
 
     legal (h, w): where the fish's centre may be; start (3,): x, y px, heading in degrees; aim: the
-    point to head for, see `next_aim`; goal: its touch ends the turn; fastest: largest turn in a
-    tick, degrees. The heading is off the aim's present bearing by a part of its error at the start;
-    the part falls to 0 as `swim.share`, how much of the turn is done, rises to 1. The trajectory
-    (n, 3) has the columns of `start` and is filled up to the touch. The turn is possible if all its
-    places are legal and no tick turns back or by more than `fastest`. The tick of touch is n where
-    the goal is not touched.
+    point to head for, on the way to the goal; goal: its touch ends the turn; fastest: largest turn
+    in a tick, degrees. The heading is off the aim's present bearing by a part of its error at the
+    start; the part falls to 0 as `swim.share`, how much of the turn is done, rises to 1. The
+    trajectory (n, 3) has the columns of `start` and is filled up to the touch. The turn is possible
+    if all its places are legal and no tick turns back or by more than `fastest`. The tick of touch
+    is n where the goal is not touched.
     """
     n = swim.share.size
     trajectory = np.empty((n, 3))

@@ -153,7 +153,7 @@ def _kinematics_of_tracks(
 
 
 def learn_motion(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
-    """Learn how the film's fish swim, from its feature table: tracks, turns, times between them.
+    """Return how the film's fish swim, by the feature table: tracks, turns, times between turns.
 
     rate_hz: frames per second; delta: Δ in frames. Where the film shows no turn, each whole track
     counts as one. FinloopError if nothing moves, or no heading changes.

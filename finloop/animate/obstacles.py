@@ -78,7 +78,7 @@ class Plans:
 
     @classmethod
     def from_paths(cls, trajectories: Sequence[Floats], start_tick: int) -> "Plans":
-        """Make the plans of fish whose trajectories (n, 4), one a fish, all begin at one tick."""
+        """Return the plans of fish whose trajectories (n, 4), one a fish, all begin at one tick."""
         plans = cls(len(trajectories))
         for number, trajectory in enumerate(trajectories):
             plans.store(number, start_tick, trajectory)

@@ -47,7 +47,7 @@ class _PathPoints(NamedTuple):
 
 
 def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
-    """Convert a given line to a path in the tank, in px of the clip: to steer by, and as requested.
+    """Return a given line as a path in the tank, px of the clip: to steer by, and as requested.
 
     `Path.route` is the path to steer by, moved to where the fish's centre may be; `Path.asked` is
     the requested one, with finer steps, against which errors are measured. mm_per_px: scale of the

@@ -203,9 +203,9 @@ def animate_fish(
     player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator,
     route: Route | None = None,
 ) -> Swim:  # fmt: skip
-    """Animate one fish for at least `ticks` ticks: along its path, then to its goals in turn.
+    """Animate one fish for at least `ticks` ticks; return its stretches as a `Swim`.
 
-    Without either, the fish wanders.
+    It swims along its path, then to its goals in turn, then wanders.
     """
     return animate_group(player, [SwimTask(goals, rng, route)], ticks)[0]
 

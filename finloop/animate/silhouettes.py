@@ -78,7 +78,7 @@ class FrameOutlines:
 
 @kernel
 def _to_body_axes(points, centres, headings_rad, scale):  # type: ignore[no-untyped-def]
-    """Convert points of the film to px as drawn, ahead and left of each mass centre: (n, k, 2).
+    """Return points (n, k, 2) of the film as px ahead and left of each mass centre, as drawn.
 
     points: x, y px as filmed; centres (n, 2): x, y px; headings_rad (n,); scale (n,): drawn /
     filmed size.

@@ -35,8 +35,8 @@ def scale_film(
     """Return the film at the drawn size `p.fish_scale`, or for "auto" at one that fits the tank.
 
     reel: the film's cut-outs and sprites; outlines: of its rows; arena (h, w): true where fish can
-    be; floor: the empty tank as filmed, None if unknown. Frames that reach farther than most are
-    barred from the animation: see `p.reach_quantile`.
+    be; floor: the empty tank as filmed, None if unknown. Frames that reach farther than the
+    quantile `p.reach_quantile` of all are barred: the animation does not show them.
     """
     scale = (reel.length_px / reel.lengths_px).astype(float)
     filmed = FrameOutlines(outlines, scale)
@@ -52,7 +52,7 @@ def scale_film(
 def measure_reach(
     of_sprites: Sequence[Floats], of_frames: FrameOutlines, quantile: float
 ) -> tuple[float, Mask]:
-    """Measure how far a fish reaches from its centre, px, and which frames (n,) reach farther.
+    """Return how far a fish reaches from its centre, px, and which frames (n,) reach farther.
 
     of_sprites: outlines (k, 2), all of which count; of_frames: outlines; quantile: 0-1, of the
     frames' reach, as the widest are mostly faults.
