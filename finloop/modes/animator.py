@@ -164,7 +164,7 @@ class ModeAssets(NamedTuple):
 
 
 def prepare_mode_assets(film_data: FilmData, p: AnimateSettings) -> ModeAssets:
-    """Prepare what all modes share: the film at its drawn size, its tank, pictures and outlines.
+    """Return what all modes share: the film at its drawn size, its tank, pictures and outlines.
 
     film_data: what is taken from the film; p: the group `animate` of the parameters.
     """

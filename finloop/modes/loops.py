@@ -114,7 +114,7 @@ class Loops:
         return int(rows[np.argmin(differences)])
 
     def next_stretch(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Choose the next stretch of film: up to a loop end, or on the spot if that is outside."""
+        """Return the next stretch of film: up to a loop end, or on the spot if none is inside."""
         candidates = self.next_candidates(fish)
         roll_outs = self.roll_out(self.next_place(fish), candidates, goal)
         taken = self.choose_candidate(candidates, roll_outs, rng)

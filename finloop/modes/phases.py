@@ -68,7 +68,7 @@ def _phases_of_runs(
     runs: Sequence[SwimmingRun], still_sway: float, delta: int, p: NetworkSettings,
     speed_range: tuple[float, float],
 ) -> Phases:  # fmt: skip
-    """Split straight runs of the film into phases, each of one state, such as sliding.
+    """Return the phases of straight runs of the film, each of one state, such as sliding.
 
     A phase is left out if its heading goes farther than `p.phase_drift_deg` from that of the frame
     before it; its state is still the state before the next phase. still_sway: sway of a still tail;

@@ -142,7 +142,7 @@ def plan_turn(
 def start_from_bend(
     plan: TurnPlan, turns_by_side: dict[int, TurnFrames], side: int, sprite: int
 ) -> TurnPlan:
-    """Change a planned turn so that it starts from the bend that the sprite on screen shows.
+    """Return a planned turn, changed to start from the bend that the sprite on screen shows.
 
     side: of the planned turn; sprite: number of the one on screen; a sprite that is in no turn
     changes nothing. A bend to the same side continues. A bend that is too deep is first undone; so
