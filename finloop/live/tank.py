@@ -130,9 +130,9 @@ class LiveTank:
         return self.fish if fish_index is None else self.fish[fish_index : fish_index + 1]
 
     def send_to_goal(self, fish_index: int | None, x: float, y: float, drag: bool = False) -> None:
-        """Send a fish to a place x, y [px], or to the nearest legal place.
+        """Send a fish to x, y [px], or to the nearest place that it can reach.
 
-        It goes to the nearest legal place if that is more than `touch_px` away from x, y.
+        It goes to the latter if that is more than `touch_px` away from x, y.
         fish_index: from 0; None: all fish. drag: whether the user is dragging the goal.
         """
         nearest = self.world.tank.nearest_legal_point(x, y)
