@@ -54,7 +54,7 @@ def measure_look(picture: Picture, ground: Floats) -> Floats:
     """Return how a picture looks (4,): area, contrast, texture, half-transparent share (`LOOKS`).
 
     picture (size, size, channels): 0 … 1, premultiplied; ground (channels − 1,): the colour of the
-    empty tank, 0 … 1, as of `tank_colour`.
+    empty tank, 0 … 1.
     """
     alpha = picture[..., -1]
     visible = alpha > _VISIBLE
@@ -77,7 +77,7 @@ def measure_look(picture: Picture, ground: Floats) -> Floats:
 def measure_ghosts(edit: pd.DataFrame, pictures: Pictures, ground: Floats) -> GhostTicks:
     """Return how far the cross-faded ticks of an edit list look beyond both their pictures.
 
-    ground: the colour of the empty tank, 0 … 1, as of `tank_colour`.
+    ground: the colour of the empty tank, 0 … 1.
     """
     fades = edit[edit["weight"] > 0]
     shown = fades, fades.assign(weight=0.0), fades.assign(weight=1.0)  # both, and each alone

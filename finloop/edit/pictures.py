@@ -175,7 +175,7 @@ def measure_discontinuities(
 
 
 def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Picture]:
-    """Draw both pictures of a join headed right: the new one, and the one the film would show.
+    """Return both pictures of a join, headed right: the new one, and what the film would show.
 
     before, now: rows of an edit list, a tick apart; the film would show what follows `before`. If
     both rows have a pose, both pictures are drawn in that of `now`.
@@ -196,7 +196,7 @@ def _draw_join(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Pict
 
 
 def _draw_due_picture(before: Any, turn_deg: float, pictures: Pictures) -> Picture:
-    """Draw the film frame that would come next after a row of an edit list, in its filmed pose.
+    """Return the film's next frame after a row of an edit list, drawn in its filmed pose.
 
     before: that row, as a named tuple. If it shows a frame, the film's next frame is drawn: turned
     as that frame is in the row, and by `turn_deg` more, degrees anticlockwise on screen. If it
