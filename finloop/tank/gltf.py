@@ -204,7 +204,7 @@ def encode_tank_glb(
 
 
 def to_gltf_axes(place: Reals) -> list[float]:
-    """Convert a place (3,) of the tank to the axes of glTF: x right, y up, z to the viewer."""
+    """Return a place (3,) of the tank in the axes of glTF: x right, y up, z to the viewer."""
     return [float(place[0]), float(place[2]), float(-place[1])]
 
 

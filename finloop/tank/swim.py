@@ -199,7 +199,7 @@ def _place_bodies(film: FilmBodies, placement: BodyPlacement) -> tuple[Reals, Re
 
 
 def _stack_matrices(a: Reals, b: Reals, c: Reals, d: Reals) -> Reals:
-    """Build matrices ((a, b), (c, d)), (…, 2, 2), from arrays (…) of their entries."""
+    """Return matrices ((a, b), (c, d)), (…, 2, 2), from arrays (…) of their entries."""
     return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
 
 
