@@ -168,7 +168,7 @@ def _simulate_control(
 def measure_control_slopes(
     sampler: Sampler, film: FilmStates, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Measure how well a simulated fish obeys its control: the slope of motion against control.
+    """Return how well a simulated fish obeys its control: slopes of motion against control.
 
     In each trial a fish starts at a random film row, and takes the control of a random row that is
     similar to it. Keys displacement_slope, angle_slope: 1 if the fish moves as controlled, 0 if it

@@ -75,7 +75,7 @@ class FilmStates:
 def compute_film_states(
     features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: ForecastSettings
 ) -> FilmStates:
-    """Compute pose, speeds and next motion of all rows of a film and of their mirror images.
+    """Return pose, speeds and next motion of all rows of a film and of their mirror images.
 
     codes (n, c): of the rows' postures, the most important first, of which enough are kept for
     `p.pose_variance_ratio` of the variance; mirror (c, c): the matrix that mirrors codes, None if
@@ -170,7 +170,7 @@ class Partition:
 
 
 def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
-    """Split the usable rows: random stretches of time are held out, the others are learnt from.
+    """Return which usable rows to learn from, and which, in random stretches, to hold out.
 
     A stretch holds all fish. A row whose past or next state lies in the other part is in neither.
     Each part has at most `p.most_rows`: in a long film a random sample. FinloopError if the film is

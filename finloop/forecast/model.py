@@ -55,7 +55,7 @@ class Forecast:
     side: Floats
 
     def kernel_weights(self) -> KernelWeights:
-        """Return the weights as `predict_next_mean` takes them, with the scales folded in.
+        """Return the weights of the network and of its mirror image, with the scales folded in.
 
         So they take and give states in the units of `FilmStates`. The network and its mirror image
         give half of the change each.
@@ -103,7 +103,7 @@ class Forecast:
 
 
 def restore_forecast(**content: Any) -> Forecast:
-    """Restore the network from the fields of `Forecast.to_values`.
+    """Return the network that the values of `Forecast.to_values` describe.
 
     KeyError, TypeError or ValueError if a field is missing or has another size, or if weights,
     biases or `mirror` are not finite.

@@ -190,10 +190,10 @@ def _choose_passages(
     rows: Ints, batch: Ints, looks: NDArray[np.float32], most_apart: float, queries: Ints,
     near: Ints, most_examined: int, apart_rows: int, count: int,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Choose for each query its nearest rows that look alike, at most one of each film passage.
+    """Return for each query its nearest rows that look alike, at most one of each film passage.
 
-    The queries are the rows rows[batch[queries]]. Returns rows (k, count), −1 for none, and a mask
-    (k,): True where `count` passages, or all the rows to be examined, are there. near (k, l):
+    The queries are the rows rows[batch[queries]]. The result is rows (k, count), −1 for none, and a
+    mask (k,): True where `count` passages, or all the rows to be examined, are there. near (k, l):
     candidates as numbers into `rows`, the nearest first. looks (m, c): rows look alike where they
     are at most `most_apart` apart. most_examined: how many rows that look alike are examined before
     a query ends; apart_rows: fewest rows between two passages, and between one and the query.
