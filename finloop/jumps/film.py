@@ -108,10 +108,10 @@ class JumpSearch:
     def _choose_nearest_by_passage(
         self, rows: Ints, allowed: Ints, queries: Ints, near: Ints
     ) -> tuple[tuple[Ints, Floats], Mask]:
-        """Choose for each row its `count` nearest targets, at most one of each passage of film.
+        """Return for each row its `count` nearest targets, at most one of each passage of film.
 
-        Return these targets, their distances, both (k, count), and a mask (k,) of the rows that
-        have so many. queries (k,): indices of the rows in `rows`; near (k, l): indices in
+        The result is these targets, their distances, both (k, count), and a mask (k,) of the rows
+        that have so many. queries (k,): indices of the rows in `rows`; near (k, l): indices in
         `allowed` of the targets to choose from, −1 for none.
         """
         candidates = np.where(near < 0, -1, allowed[near])
@@ -212,8 +212,8 @@ def find_film_jumps(
 ) -> FilmJumps:  # fmt: skip
     """Return the jumps from every row of a film to rows that look and move alike, and metrics.
 
-    Mirror images are searched if the settings say so, or leave it to the film and its fish has like
-    sides. advance(n): called when n more rows are done.
+    Mirror images are searched if the settings say so; with "auto", if both sides of the fish look
+    and move alike. advance(n): called when n more rows are done.
     """
     reel, _ = source.load_film()
     track, delta = reel.features["track_id"].to_numpy(), infer_delta_frames(reel.features)

@@ -65,7 +65,7 @@ class InMemorySource:
 
     @classmethod
     def from_reel(cls, reel: Reel, poses: FilmPoses, size_px: int) -> "InMemorySource":
-        """Make the source with an empty array for pictures `size_px` px across."""
+        """Return the source of a film, with an empty array for pictures `size_px` px across."""
         return cls(reel, poses, np.empty(picture_array_shape(reel, size_px), np.uint8))
 
     def load_film(self) -> tuple[Reel, FilmPoses]:
@@ -114,7 +114,7 @@ def draw_straight(source: RowSource, size_px: int, rows: NDArray[np.intp]) -> ND
 def _appearance_components(
     draw_rows_straight: DrawStraight, rows: int, most_components: int, workers: Workers
 ) -> Floats:
-    """Describe how each row looks by c principal components of its straightened picture.
+    """Return how each row looks, as c principal components of its straightened picture.
 
     The result is (2, rows, c): of the pictures [0], and of their mirror images [1].
     draw_rows_straight: draws rows by number; rows: how many the film has; c is `most_components`,
@@ -154,7 +154,7 @@ def split_into_blocks(rows: int, most_rows: int) -> list[Ints]:
 def compute_signature_parts(
     source: RowSource, settings: JumpsSettings, workers: Workers
 ) -> SignatureParts:
-    """Compute the numbers by which rows, and their mirror images, are compared.
+    """Return the numbers by which rows, and their mirror images, are compared.
 
     They are about pose, its change, motion and look. Change and motion are measured over a quarter
     of Δ to each side.
@@ -171,7 +171,7 @@ def compute_signature_parts(
 def compute_signatures(
     row_parts: SignatureParts, step_ends: tuple[Ints, Ints], settings: JumpsSettings
 ) -> Floats:
-    """Compute the signature vectors (2, n, d) of rows [0] and mirror images [1].
+    """Return the signature vectors (2, n, d) of rows [0] and mirror images [1].
 
     Their distances say how unlike rows are. A vector has all parts side by side, each standardized
     and times its weight in `settings`. Its unit is the natural step, the median distance from row

@@ -65,11 +65,11 @@ class VisibleDistance:
             return np.concatenate(list(steps)) / self.natural
 
     def measure_best(self, neighbours: pd.DataFrame, count: int) -> Floats:
-        """Measure the visible distances (k,) of jumps that can be among the best of their rows.
+        """Return the visible distances (k,) of jumps that can be among their row's best, else inf.
 
-        The others, for which `count` jumps of the row certainly cost less, are not measured and get
-        infinity. A jump costs its `far` plus the square of its visible distance, in natural steps
-        (median steps of the film). neighbours: from `JumpSearch`.
+        Jumps are not measured if `count` jumps of the same row certainly cost less. A jump costs
+        its `far` plus the square of its visible distance, in natural steps (median steps of the
+        film). neighbours: from `JumpSearch`.
         """
         rows, to = (neighbours[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = neighbours["mirrored"].to_numpy(bool), neighbours["far"].to_numpy(float)
