@@ -86,7 +86,7 @@ class FilmPoses:
 
 
 def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) -> FilmPoses:
-    """Compute the postures of all rows of a film, and describe each by a few principal components.
+    """Return the postures of all rows of a film, each as a few principal components.
 
     tracks: columns `USED`; features: columns of `FEATURES`, the same rows. FinloopError if the film
     has fewer than two rows.
@@ -109,7 +109,7 @@ def compute_film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSett
 def restore_poses(
     features: pd.DataFrame, codes: Reals, facts: dict[str, Any], posture: Floats | None = None
 ) -> FilmPoses:
-    """Rebuild a film's postures from the codes and shapes that the stage `pose` stored.
+    """Return a film's postures, rebuilt from the codes and shapes that stage `pose` stored.
 
     features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): scores of principal
     components; facts: the fields of `ShapeFacts`; posture (n, d): the postures of the codes, None
