@@ -159,7 +159,7 @@ def train_motion_model(
 
 
 def model_from_weights(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
-    """Build a motion model from flat weights, which are copied.
+    """Return a motion model built from flat weights, which are copied.
 
     weights: of the hidden layer, then of the output layer, unit by unit, each unit's bias last.
     low, high (4,): the inputs that are scaled to -1 and 1, in the units of INPUTS; delta_s: Δ [s].

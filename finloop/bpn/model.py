@@ -60,7 +60,7 @@ class MotionModel:
         }
 
     def predict(self, inputs: Reals) -> Floats:
-        """Predict the states (n, 2) a time Δ later from states and controls (n, 4), by Eq. 4.
+        """Return the states (n, 2) predicted for a time Δ after states and controls (n, 4), Eq. 4.
 
         inputs: columns and units INPUTS; the result: OUTPUTS. Motion area is in 0 … 1, swimming
         type a real number in -1 … 1: `round_swimming_types` rounds it.
@@ -79,7 +79,7 @@ _HEADER: dict[str, Any] = {
 
 
 def restore_motion_model(**content: Any) -> MotionModel:
-    """Restore a motion model from the fields of `MotionModel.to_values`.
+    """Return the motion model that the values of `MotionModel.to_values` describe.
 
     KeyError, TypeError or ValueError if a field is missing, of another size or out of range.
     """
@@ -167,7 +167,7 @@ def pair_rows_with_later(features: pd.DataFrame, delta_frames: int) -> LearningR
 def split_by_blocks(
     rows: LearningRows, block_frames: int, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Split the rows, by stretches of time, into those to learn from and to hold out: masks (n,).
+    """Return which rows to learn from, and which to hold out, by stretches of time: masks (n,).
 
     block_frames: length of a stretch, which holds all tracks; held_out_share: of the rows, about, 0
     … 1. A row whose window t … t + Δ reaches from one side into the other is in neither.
@@ -196,7 +196,7 @@ def split_by_blocks(
 def split_by_tracks(
     rows: LearningRows, held_out_share: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Split the rows, by whole tracks, into those to learn from and to hold out: masks (n,).
+    """Return which rows to learn from, and which to hold out, by whole tracks: masks (n,).
 
     held_out_share: of the rows, about, 0 … 1. FinloopError if there are too few tracks or rows.
     """
@@ -212,7 +212,7 @@ def split_by_tracks(
 
 
 def split_rows(rows: LearningRows, split_by: str, settings: BpnSettings) -> tuple[Mask, Mask]:
-    """Split the rows into those to learn from and those to hold out: two masks (n,).
+    """Return which rows to learn from, and which to hold out: two masks (n,).
 
     split_by: "blocks" of time or whole "tracks". At most `settings.most_rows` are learnt from: a
     random sample in a long film. FinloopError if the film is too short.
@@ -238,7 +238,7 @@ def split_rows(rows: LearningRows, split_by: str, settings: BpnSettings) -> tupl
 
 
 def split_rows_if_possible(rows: LearningRows, settings: BpnSettings) -> tuple[Mask, Mask]:
-    """Split the rows as `split_rows` does; hold none out of a film that is too short for that.
+    """Return which rows to learn from, and which to hold out; none of too short a film.
 
     All rows of a very short film are learnt from, and none is held out. FinloopError if there are
     no rows, or if the user's settings prevent the division: whole tracks, or blocks shorter than Δ.

@@ -20,7 +20,7 @@ _TOLERANCE = 1e-4  # share of the range of an output; 32-bit rounding gives abou
 
 
 def build_onnx_model(model: MotionModel) -> onnx.ModelProto:
-    """Build the ONNX graph of `MotionModel.predict`: float32 (n, 4) → (n, 2), in physical units."""
+    """Return `MotionModel.predict` as an ONNX graph: float32 (n, 4) → (n, 2), physical units."""
     # As `predict` computes: (x − low) / (high − low) · 2 − 1 = (x − middle) / half_range, and
     # low + (raw − margin) / (1 − 2 margin) · range = raw · span + offset.
     half_range = (model.input_high - model.input_low) / 2
