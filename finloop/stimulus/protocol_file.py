@@ -270,7 +270,7 @@ def _keep_valid_parts(values: Any, wrong_places: list[Place]) -> Protocol | None
 
 
 def _type_problem(detail: dict[str, Any]) -> Problem:
-    """Convert one of pydantic's validation errors to a place and a sentence in plain words."""
+    """Return one of pydantic's validation errors as a place and a sentence in plain words."""
     place: Place = tuple(step for step in detail["loc"] if step != "[key]")
     if place[:1] == ("start",):
         place = place[:1] + place[2:]  # without pydantic's name of the alternative: auto or wait

@@ -18,7 +18,7 @@ from finloop.stimulus.replay import SessionRecord
 
 
 def load_log_table(record: SessionRecord) -> pd.DataFrame:
-    """Load a session's log as a table, without the rows and columns about single fish."""
+    """Return a session's log as a table, without the rows and columns about single fish."""
     names = [name for name in SESSION.names if name not in (*FIELDS, "posture", "fish")]
     batches = [
         batch.filter(pc.not_equal(batch["kind"], "fish"))

@@ -156,7 +156,7 @@ class TrackerCalibration(NamedTuple):
         return TrackerPlace(x, y, math.degrees(heading_rad))
 
     def _map_direction(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
-        """Convert a direction dx, dy at a tracker's place x, y to one in the tank, of any length.
+        """Return a direction dx, dy at a tracker's place x, y as one in the tank, of any length.
 
         This is the derivative of `map_place` along the direction, times the weight w > 0.
         """
@@ -231,7 +231,7 @@ def _are_points_sufficient(points: Floats) -> bool:
 
 
 def _fit_points(settings: TrackerSettings) -> TrackerCalibration | None:
-    """Fit a calibration to the pairs of points; return None if no view of the tank fits.
+    """Return the calibration that fits the pairs of points; None if no view of the tank does.
 
     Two points cannot show a mirror image, so y is turned over first where it grows upwards.
     """
