@@ -64,7 +64,7 @@ class GoalStretch(NamedTuple):
 
 
 def goal_stretches(edit: pd.DataFrame) -> list[GoalStretch]:
-    """Split an edit list of one fish into stretches, in order, of one goal each."""
+    """Return the stretches of one goal each, in order, of an edit list of one fish."""
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
     return [GoalStretch(goal[start], int(start), int(stop)) for start, stop in pairwise(edges)]
