@@ -124,7 +124,7 @@ def swim_trajectory(  # type: ignore[no-untyped-def]
     planned: Floats, speeds_bl_s: Floats, rows: Ints, along_px: float, tick: int,
     objective: Objective, target: Target, graph: SearchGraph,
 ):  # fmt: skip
-    """Swim a planned trajectory, steered to the route, up to the target, route's end or a wall.
+    """Return a planned trajectory, steered to the route, up to target, route's end or a wall.
 
     planned (m + 1, 3): x, y px, heading in degrees, as filmed, from the fish's present place on;
     the fish swims its first k ≤ m steps, the others only tell where the film leads; speeds_bl_s
@@ -195,7 +195,7 @@ def swim_film_run(  # type: ignore[no-untyped-def]
     graph: SearchGraph, pose: Floats, shown_row: int, run: Run, along_px: float, tick: int,
     objective: Objective, target: Target,
 ):  # fmt: skip
-    """Move a fish along a run of film from its next tick on, steered as by `swim_trajectory`.
+    """Return how a fish swims a run of film from its next tick on, steered to its route.
 
     pose (4,): x, y px, heading, and degrees by which the row on screen, `shown_row`, is turned;
     along_px: px along the route; tick: the present one. Returns the output of `swim_trajectory`,

@@ -180,7 +180,7 @@ class Tempo(NamedTuple):
 
     @classmethod
     def from_film(cls, film: MotionGraph, memory_ticks: float, least_ticks: float) -> "Tempo":
-        """Measure the tempo of a film: mean step, how a lag fades, and the usual lag.
+        """Return the tempo of a film: mean step, how a lag fades, and the usual lag.
 
         The lag at a row is what is left of the lag at the row before, plus the row's own
         (`row_lags`). memory_ticks: ticks after which 1/e of a lag is left; least_ticks: smallest

@@ -54,7 +54,7 @@ class Fallback:
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch) -> Stretch:
-        """Return a stretch cut to its ticks that are inside the tank and clear of other fish.
+        """Return the free part of a stretch, clear of walls and fish, or one that gives way.
 
         A fish that turns on the spot, but has no such tick inside the tank, stays at the wall. A
         fish moves aside if another one blocks it, or if it turns on the spot so near to another

@@ -189,7 +189,7 @@ def motion_graph(
 
 
 def rows_with_next(track_ids: Ints, barred: Mask) -> Mask:
-    """Return whether the next row (n,) is of the same track, and both may be shown.
+    """Return after which rows (n,) the next is of the same track, and both may be shown.
 
     track_ids (n,): rising; barred (n,): rows that must not be shown.
     """

@@ -226,9 +226,8 @@ class Planner:
     ) -> tuple[Target, Floats, int, bool]:
         """Choose the target of a fish without a path; return it, and what its state stores of it.
 
-        Stored are the place (2,), its ticks, and whether a rule requested it: see `_choose_place`;
-        a goal is not stored. The target is free where the fish only wanders and goes where the film
-        goes.
+        Stored are the place (2,), its ticks, and whether a rule requested it; a goal is not stored.
+        The target is free where the fish only wanders and goes where the film goes.
         """
         world = self.world
         if isinstance(goal, Goal):
@@ -353,7 +352,7 @@ class Planner:
 
         A goal on which it rests counts as touched. along_px: how far the fish is along the path;
         plans: the best first: the stretch says what the best one compared, and that nothing of it
-        was taken; turn_first_terms: of `_turn_first_terms`, if the fish stays to turn.
+        was taken; turn_first_terms: the cost of turning first, by term, if the fish stays to turn.
         """
         stretch = self._fallback.stay(fish, self._point_ahead(objective, along_px))
         target = task if isinstance(task, Target) else ANYWHERE
@@ -542,7 +541,7 @@ class Planner:
         return Fallback(self.world)
 
     def _fish_in_film(self, fish: Fish) -> Fish:
-        """Convert a fish that a sprite shows to a fish in the film, at the sprite's film row."""
+        """Return a fish that a sprite shows as a fish in the film, at the sprite's film row."""
         row = int(self.sprite_rows[fish.sprite])
         rotation_deg = float(wrap(fish.heading - self.world.film.heading[row]))
         return fish._replace(state=FILM, sprite=-1, row=row, rotation_deg=rotation_deg)

@@ -90,7 +90,7 @@ class FilmSource:
     def swim_run(
         self, fish: Fish, run: Run, along_px: float, objective: Objective, target: Target
     ) -> Passage:
-        """Move a fish along a run of film from its next tick on, steered to its objective.
+        """Return how a fish swims a run of film from its next tick on, steered to its objective.
 
         along_px: px along the path at the start; target: ends the run when the fish touches it.
         """
@@ -154,7 +154,7 @@ class PredictionSource:
     def swim_run(
         self, fish: Fish, run: Run, along_px: float, objective: Objective, target: Target
     ) -> Passage:
-        """Move a fish along a run of predictions from its next tick on, steered to its objective.
+        """Return how a fish swims a run of predictions, steered to its objective.
 
         The predicted trajectory is extended by film, for steering to look ahead. along_px: px along
         the path at the start; target: ends the run when the fish touches it.

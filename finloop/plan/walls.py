@@ -38,7 +38,7 @@ class Bounds(NamedTuple):
 
 
 def tank_bounds(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
-    """Make the bounds that keep a fish inside a tank; without discs it keeps to `tank.legal`."""
+    """Return what keeps a fish inside a tank; without discs it keeps to `tank.legal`."""
     # How far pixels outside the arena are from it; beyond the picture all is outside.
     outside = np.pad((~tank.arena).astype(np.uint8), 1, constant_values=1)
     to_tank = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
@@ -63,7 +63,7 @@ def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-unty
 
 @leaf_kernel
 def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """Find the disc of a picture that is tightest at the wall: px too near, and its x, y px.
+    """Return how many px too near to the wall a picture's nearest disc is, and its x, y px.
 
     Negative: there is room. bounds: `Bounds`; picture: film row, or −1 − number of a sprite; x, y:
     its mass centre, px; heading: degrees.

@@ -30,7 +30,7 @@ class FilmWorld(World):
     discs: Discs = NO_DISCS
 
     def to_ticks(self, time_deltas: float) -> int:
-        """Convert a time in Δ, the unit of the parameters, to a whole number of ticks."""
+        """Return a time in Δ, the unit of the parameters, as a whole number of ticks."""
         return round(time_deltas * self.motion.delta)
 
     @cached_property
