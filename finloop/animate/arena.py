@@ -213,10 +213,10 @@ class FilmHulls:
 
     @property
     def show_whole_tank(self) -> bool:
-        """Return whether more film would hardly show more area: half of it fills nearly as much.
+        """Return whether the film shows all of the tank: half of it fills nearly as much area.
 
-        The mean area of the two halves is compared with that of the whole. If False, the animals
-        have not been everywhere that they can be: a longer film would show more.
+        The mean area of the two halves is compared with that of the whole. If False, a longer film
+        would show more of the tank, or the film has a single outline.
         """
         half_areas = [cv2.contourArea(hull) for hull in self.halves]
         return len(half_areas) > 0 and bool(
