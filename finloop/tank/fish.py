@@ -74,7 +74,7 @@ class FishSurface:
         return np.concatenate(surfaces).reshape(len(self), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
-        """Return the median of the skin's colours over some ticks, (around, lengthwise, 3)."""
+        """Return the skin's median colours over at most `most` ticks, (around, lengthwise, 3)."""
         ticks = spread_rows(np.arange(len(self)), most).tolist()
         return np.rint(np.median([self.skin(tick) for tick in ticks], axis=0)).astype(np.uint8)
 

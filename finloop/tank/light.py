@@ -34,7 +34,7 @@ _WATER_CELLS = 44  # of the water's grid, along its longer side
 def wave_heights_and_slopes(
     x: Reals, y: Reals, depth: float, time_s: float
 ) -> tuple[Reals, Reals, Reals]:
-    """Return the water's height [px, 0 at rest] and its slopes along x and y at some places.
+    """Return the water's height [px, 0 at rest] and slopes along x and y, at places and a time.
 
     x, y: px, arrays of one shape, which the results share; depth: of the water, px.
     """
