@@ -213,11 +213,11 @@ def _find_joins(drawn: Body, due: Body, frame: Mask, rules: JoinRules) -> tuple[
 def _remaining_offsets(
     offset: Floats, velocity: Floats, joins: Ints, moves: Mask, rules: JoinRules
 ) -> tuple[Floats, Mask]:
-    """Fade out the offsets of all joins; return what remains, and the ticks at which a join lasts.
+    """Fade out the offsets of joins; return what is left at each tick, and where any join lasts.
 
-    offset, velocity, and what remains, are (ticks, c + 1): c pose codes, then degrees. While the
-    animal rests, offsets stay: the spring knows only the ticks at which it moves. The ticks are a
-    mask (ticks,).
+    offset, velocity, and what is left, are (ticks, c + 1): c pose codes, then degrees. While the
+    animal rests, offsets stay: the spring knows only the ticks at which it moves. Where a join
+    lasts is a mask (ticks,).
     """
     offset_decay, velocity_decay = rules.spring_response()
     remaining = sum_past_values(offset_decay, offset[moves])

@@ -129,7 +129,10 @@ def _ratios_to_film(drawn: Floats, film: Floats, name: str, plural: str) -> dict
 
 
 def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
-    """Return the percentage of ticks in an unfilmed pose, and in a pose the film hardly shows."""
+    """Return the percentage of ticks in an unfilmed pose, and in a pose the film hardly shows.
+
+    Keys: `posed_pct`, `poses_at_the_limit_pct`.
+    """
     codes = [pose for pose in edit["pose"] if pose is not None]
     far_count = int(shapes.is_far_from_film(np.stack(codes).astype(float)).sum()) if codes else 0
     return {
