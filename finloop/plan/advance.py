@@ -96,7 +96,7 @@ def steering_turn(  # type: ignore[no-untyped-def]
 def shift_to_route(  # type: ignore[no-untyped-def]
     route: Route, place: RoutePlace, speed_bl_s: float, tick: int, ticks: int, steering: Steering
 ):
-    """Return a fish's place shifted towards its route, and along it if early or late.
+    """Return a `RouteShift`: a place moved towards the route, and along it if early or late.
 
     place: before the shift; ticks: since the last shift. The shift is at most `steering.shift`
     times the speed, body lengths/s, for each of these ticks.

@@ -69,7 +69,7 @@ class Rarity:
         cls, movement: Movement, codes: Floats, goes_on: Mask, filmed_steps: Floats,
         spring_response: Floats, weight: float,
     ) -> "Rarity":  # fmt: skip
-        """Return the rarity of a film (n rows), from its steps and the movements of its fish.
+        """Return what each step between the n rows of a film costs, as a `Rarity`: rare ones more.
 
         movement: body lengths that the body moves from each row to the next, in all and by bending
         alone; codes (n, c): pose codes; goes_on (n,): whether the next row is the next frame;
