@@ -31,7 +31,7 @@ class TailParameters(NamedTuple):
 
 
 def visible_tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
-    """Return how much the visible length of the tail varies, in body lengths.
+    """Return how much the visible tail varies in length, from 5 to 95 % of rows, in body lengths.
 
     The unit is the median length of the body without the tail. tracks: half_width_px and backbone
     of k rows; backbones: (k, n, 2) px, head first; thin: the body ends where its width falls to
