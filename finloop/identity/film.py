@@ -55,7 +55,7 @@ class IdentityEvidence:
 def collect_evidence(
     reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: IdentitySettings
 ) -> IdentityEvidence:
-    """Return the evidence for identities in a film: measures of bodies, tracks, and cuts.
+    """Return the evidence by which tracks are joined: pictures, body measures, and cuts.
 
     tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
     film's further segments.
