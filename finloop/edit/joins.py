@@ -194,7 +194,8 @@ def _find_joins(drawn: Body, due: Body, frame: Mask, rules: JoinRules) -> tuple[
     """Return the ticks (k,) of joins, and at which ticks (ticks,) the animal moves.
 
     It does not move where it rests in the film and the film plays on. drawn (ticks,): the bodies in
-    the pictures shown; due (ticks,): what the film would show there.
+    the pictures shown; due (ticks,): what the film would show there; frame (ticks,): whether a
+    picture is a frame, not a sprite.
     """
     previous, current, due = (
         bodies.select(ticks)
