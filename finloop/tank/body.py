@@ -139,7 +139,7 @@ def limit_half_widths(half_width: Reals, backbone: Reals, typical: Reals) -> Rea
 def top_view_points(grid: SurfaceGrid, backbone: Reals, half_width: Reals) -> Reals:
     """Return where a grid's points lie on n backbones, seen from above: (n, r, a, 2) px.
 
-    r, a: rings along the body, and points around it.
+    r, a: rings along the body, and points around it; half_width (n, p): px.
     """
     shape = (len(backbone), *grid.s.shape, 2)
     line = (grid.place @ backbone).reshape(shape)

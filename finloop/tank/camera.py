@@ -64,7 +64,7 @@ def camera_views(
     """Return a camera's place and aim at every tick; `camera` is one of CAMERAS.
 
     fish (ticks, 3), heading (ticks,): place [px], and direction [rad] without jumps of 2π, of the
-    fish that some cameras follow. Angles are chosen for the looks.
+    fish that some cameras follow; rate_hz: ticks per second. Angles are chosen for the looks.
     """
     ticks = len(fish)
     if camera == TOP:
@@ -118,7 +118,7 @@ def _view_following_fish(
 ) -> CameraViews:
     """Return views that follow a fish from behind, above and beside it, smoother than its path.
 
-    Angle and distances are chosen for the looks.
+    fish (ticks, 3): px; heading (ticks,): rad. Angle and distances are chosen for the looks.
     """
     smoothing = _SMOOTHING_S * rate_hz  # ticks, SD
     # The camera keeps closer to the fish's place than to its heading: quick turns are not followed.

@@ -172,8 +172,8 @@ class WaterSurface:
     ) -> tuple[Reals, NDArray[np.uint8]]:
         """Return the surface's points (m · n, 3), px, and their colours RGBA (m · n, 4) uint8.
 
-        The water mirrors the sky and the sun; factors are chosen for the looks. camera (3,): its
-        place, px; parallel: whether the view is parallel, from above.
+        The water mirrors the sky and the sun; factors are chosen for the looks. time_s: of the
+        waves; camera (3,): its place, px; parallel: whether the view is parallel, from above.
         """
         height, slope_x, slope_y = wave_heights_and_slopes(self.x, self.y, self._tank.depth, time_s)
         points = np.stack([self.x, self.y, self._tank.depth + height], -1)
