@@ -270,7 +270,7 @@ def _find_best_jumps(
     source: RowSource, search: JumpSearch, natural_step: float, jumps_per_row: int,
     jumps_to_any_part: int, rows: Ints,
 ) -> pd.DataFrame:  # fmt: skip
-    """Return the least visible jumps of some rows: columns of `JUMPS`.
+    """Return the `jumps_per_row` least visible jumps of some rows: columns of `JUMPS`.
 
     natural_step: unit of the visible distance. In a long film, which has several parts,
     `jumps_to_any_part` of a row's jumps lead to the nearest rows of the whole film. The others lead
