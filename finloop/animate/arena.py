@@ -206,7 +206,7 @@ class FilmHulls:
 
     @cached_property
     def halves(self) -> list[NDArray[np.int32]]:
-        """Return the hulls' corners of the first and the last half of the outlines; [] for one."""
+        """Return the corners of the hulls of both halves of the outlines; [] for one outline."""
         half = len(self.outlines_px) // 2
         parts = (self.outlines_px[:half], self.outlines_px[half:]) if half else ()
         return [_convex_hull(part) for part in parts]
