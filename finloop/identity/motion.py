@@ -140,11 +140,12 @@ def measure_drift(tracks: pd.DataFrame) -> GapDrift:
 def _measure_mismatches(
     tracks: pd.DataFrame, velocity_frames: int
 ) -> tuple[list[float], list[float]]:
-    """Return the mismatch of positions, and how much of a velocity lasts, for gaps of each length.
+    """Return how far two predictions differ, and what share of velocity lasts, by length of gap.
 
-    One prediction of the place half way starts before the gap, one after it: the first list has
-    their median distances in body lengths. The second has the share (0 to 1) of the velocity before
-    the gap that lasts, fitted by least squares. Both end where the film has too few gaps so long.
+    The gaps are 1, 2, 4 … frames long. One prediction of the place half way starts before the gap,
+    one after it: the first list has their median distances in body lengths. The second has the
+    share (0 to 1) of the velocity before the gap that lasts, fitted by least squares. Both end
+    where the film has too few gaps so long.
     """
     place, key = tracks[["x", "y"]].to_numpy(float), tracks[["track_id", "frame"]].to_numpy()
     mismatches, shares = list[float](), list[float]()
