@@ -456,7 +456,7 @@ def insert_extension(beam: Beam, count: int, extension: Extension, displaced: Ma
 
 @kernel_part
 def start_next_leg(search: Search, beam: Beam, extension_count: int, leg: int) -> Beam:
-    """Turn the extensions into the branches of the next leg; return the beam, its buffers swapped.
+    """Turn the extensions into the branches of the next leg; return the beam with these.
 
     extension_count: how many of the beam's extensions are filled; leg: number of the next leg.
     """
