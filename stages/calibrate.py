@@ -57,8 +57,9 @@ def _save_rule(folder: Path, rule: SchoolRule) -> None:
     """Write the rule of a film's fish groups to zones.json and steps.parquet in `folder`.
 
     `Project.school_rule` loads it. rule: the zones, in which fish repel, align with and attract
-    each other; and the fish's own steps, which last `horizon` frames each. A step is drawn from
-    those `alike` steps of the film that are the most similar.
+    each other; and the fish's own steps, which last `horizon` frames each. A step of a simulated
+    fish is drawn at random from the `alike` filmed steps that were taken in the most similar
+    situation.
     """
     steps = rule.steps
     save_json(folder / "zones.json", {

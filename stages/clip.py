@@ -130,10 +130,11 @@ def _film_findings(metrics: dict[str, float]) -> dict[str, list[Finding]]:
 
 
 def _write_clips(films: list[FootageSettings], folder: Path) -> dict[str, float]:
-    """Write the clips of several films, a folder each below `folder`, and join them to one.
+    """Write each film's clip to a folder of its own below `folder`, and join all to one clip.
 
     Return all metrics; those of one film begin with its name. A clip that an earlier run made of
-    the same film is reused. A film that cannot be read is left out, with a warning.
+    the same film, settings and code is reused; older ones are deleted. A film that cannot be read
+    is left out, with a warning; FinloopError if none can be read.
     """
     code, parts, digests = code_digest("clip"), list[JoinedFilm](), list[str]()
     numbers: dict[str, float] = {}

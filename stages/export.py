@@ -92,7 +92,7 @@ def _write_film(
     """Write pictures as a WebM, and the first ones also as a WebP; return their number and size.
 
     path: of both files, without suffix. There is no WebP if `webp_ticks` is 0. crop: the part of
-    the tank that the pictures show. rate: frames per second. The facts are number and size.
+    the tank that the pictures show. rate: frames per second. advance: is called after each picture.
     """
     shape = crop.bottom - crop.top, crop.right - crop.left, 4
     webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)

@@ -259,9 +259,9 @@ def _animate_drawing(
 ) -> dict[str, float]:
     """Write a drawing moved by a gait to `folder`, in all file formats; return metrics by name.
 
-    name: of the files. keys: paths of the drawing's key poses. Return metrics by name: how
-    many contours cross themselves, and how far the worst foot slides on the ground, in % of the
-    drawing's width, before and after the limbs are sheared so that feet stand still.
+    name: of the files. keys: paths of the drawing's key poses. The metrics are how many contours
+    cross themselves, and how far the worst foot slides on the ground, in % of the drawing's width,
+    before and after the limbs are sheared so that feet stand still.
     """
     poses = [load_svg(Path(key)) for key in keys]
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))

@@ -52,8 +52,8 @@ class FilmPart:
     """Fish in some successive frames of a clip, and how their crops are cut.
 
     rows (n,): of all the film's rows that are compared. frames (n,): ascending. places (n, 3): x, y
-    and heading. track (n,): numbers. keep (n,): whose crops are kept. counts (n,): False for those
-    that only give the crop before.
+    and heading. track (n,): numbers. keep (n,): whose crops are kept. counts (n,): whose measures
+    are used; the others only give the crop before the first one of their fish.
     """
 
     clip: Path
@@ -68,7 +68,7 @@ class FilmPart:
 
 
 def measure_film_part(part: FilmPart) -> CropSeries:
-    """Return what the clip's own pictures show of the fish of one part (n rows)."""
+    """Return what the clip's own pictures show of the fish of one part, for each of its n rows."""
     collector, meters = CropCollector(len(part.rows)), dict[int, CropMeter]()
     frames = read_chosen_frames(part.clip, part.frames.tolist(), colour=part.colour)
     for number, frame in enumerate(frames):
@@ -84,8 +84,8 @@ def film_parts(
 ) -> Iterable[FilmPart]:
     """Yield the parts of the film whose fish are compared; a crop is kept every `stride` ticks.
 
-    filmed: the compared stretches as filmed, n rows. company (n,): fish with another one in the
-    crop, of which none is kept.
+    filmed: the compared stretches as filmed, n rows. company (n,): True where the crop shows
+    another fish, too; such a crop is not kept.
     """
     table = filmed.table
     track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
@@ -107,7 +107,11 @@ def film_parts(
 def _join_film_parts(
     parts: Iterable[FilmPart], pictures: Iterable[CropSeries], filmed: Swimming, company: Mask
 ) -> CropSeries:
-    """Return the pictures of the whole film; those of fish with company (n,) are NaN."""
+    """Join what the pictures of all parts of the film show, in the order of the film's n rows.
+
+    pictures: of each part. company (n,): True where the crop shows another fish, too; the measures
+    there become NaN.
+    """
     channels = np.full((len(filmed.row), len(PICTURE_CHANNELS)), np.nan)
     rows, crops = [np.zeros(0, np.int64)], [no_crops()]
     for part, result in zip(parts, pictures, strict=True):
@@ -233,7 +237,11 @@ class PictureSample:
     def _sides(
         self, name: str, film: CropSeries, drawn: Mapping[str, CropSeries]
     ) -> tuple[tuple[Windows, Windows], tuple[Windows, Windows]]:
-        """Return the two sets of windows of a comparison, and the two sets of crops."""
+        """Return the two sets of windows of a comparison, and those of its crops.
+
+        name: of the comparison. film: what the film's pictures show; drawn: the same of each
+        animation.
+        """
         both = []
         for view in ("picture", "crop"):
             filmed = replace(self.sample.film, pictures=film)

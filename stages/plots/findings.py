@@ -37,10 +37,10 @@ def main() -> None:
 
 
 def _draw_fault(word: str, name: str, home: Path, settings: ExtractSettings) -> FaultPicture | None:
-    """Return a picture of a fault of one film; None if no frame shows the fault.
+    """Return a picture of a fault of one film, with its caption.
 
-    None if no frame shows the fault, or `extract` has left out the film. name: of the film. home:
-    its folder, relative to CLIP and EXTRACT.
+    None if no frame shows the fault, or `extract` has left out the film. word: the kind of fault.
+    name: of the film. home: its folder, relative to CLIP and EXTRACT.
     """
     clip = CLIP / home
     facts = load_facts(clip / FACTS_NAME)
