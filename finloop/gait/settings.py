@@ -21,7 +21,7 @@ class GaitSettings:
     regions_rate_hz: Positive | None
     regions_cycle_frames: Positive | None
     symmetry: Literal["swap", "none"]
-    contour_points: Annotated[int, Field(ge=64, le=1024)]
+    contour_points: Annotated[int, Field(ge=64, le=1024), "a power of two, ≥ 64, ≤ 1024"]
     gamma: Sharing
     level: Annotated[int, Field(ge=0, le=8)]
     wavelet: str

@@ -19,7 +19,7 @@ class MorphSettings:
     pairs: str | None
     method: Literal["linear", "physical", "fold_free"]  # Eq. 4.1 | Fig. 5 | never folds
     frames: Annotated[int, Field(ge=2, le=10_000)]
-    contour_points: Annotated[int, Field(ge=16, le=4096)]
+    contour_points: Annotated[int, Field(ge=16, le=4096), "a power of two, ≥ 16, ≤ 4096"]
     level: Annotated[int, Field(ge=0, le=10)]
     elasticity: NotNegative
     damping: NotNegative
