@@ -73,7 +73,7 @@ def main() -> None:
 
 
 def show(options: argparse.Namespace) -> None:
-    """Show a protocol to animals, until Ctrl-C."""
+    """Show a protocol to animals until Ctrl-C, and write the session's file."""
     protocol = load_protocol(options.protocol)
     print(describe_protocol(protocol, order_trials(protocol)))
     calibration = load_display_calibration(options.display, protocol.display.calibrated)
@@ -90,7 +90,7 @@ def show(options: argparse.Namespace) -> None:
 
 
 def dry_run(options: argparse.Namespace) -> None:
-    """Run a protocol without a display, as fast as possible."""
+    """Run a protocol without a display, as fast as possible, and write the session's file."""
     protocol = load_protocol(options.protocol)
     print(describe_protocol(protocol, order_trials(protocol)))
     with open_scene(protocol) as film:

@@ -341,7 +341,7 @@ class Basis(NamedTuple):
 
 
 def fourier_basis(problem: Problem) -> Basis:
-    """Return the Fourier basis of a curve's points, which makes the circulant K diagonal."""
+    """Return the Fourier basis of a curve's points, in which the circulant matrix K is diagonal."""
     n = len(problem.rest)
     return Basis(
         transform=lambda points: np.fft.rfft(points, axis=0),

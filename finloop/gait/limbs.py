@@ -166,7 +166,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
 
 
 def _find_hips(contours: Complex) -> Ints:
-    """Return the vertex of each contour, (frames,), that is the top of the limb's mean shape.
+    """Return the vertex at the hip of each contour, (frames,): the top of the limb's mean shape.
 
     contours (frames, m): points x + iy, y down, clockwise. The mean shape lies on a contour as it
     fits best, turned and moved: with the greatest |Σ a̅ b| of centred contours a, b, by FFT. No

@@ -41,7 +41,11 @@ def match_shapes(
 def _pair_parts(
     a: Sequence[Curve], b: Sequence[Curve], strict: bool
 ) -> list[tuple[Region, Region]] | list[tuple[Curve, Curve]]:
-    """Return the parts of two shapes in pairs: regions by place, open contours in their order."""
+    """Return the parts of two shapes in pairs: regions by place, open contours in their order.
+
+    strict: raise FinloopError if closed contours form no regions that can be paired; else these are
+    paired in their order, too. FinloopError if one shape has more parts than the other.
+    """
     if max(len(a), len(b)) > 1 and all(curve.closed for curve in (*a, *b)):
         try:
             return pair_regions(a, b)

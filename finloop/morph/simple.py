@@ -318,7 +318,11 @@ def _relax_frames(stack: Points, layout: ContourLayout) -> Points:
 
 
 def _find_free_shares(stack: Points, moves: Points, layout: ContourLayout) -> Floats:
-    """Return the shares (f, n) of moves (f, n, 2) of frames (f, n, 2) that make no fold."""
+    """Return how far vertices can go along their moves (f, n, 2) without a fold: shares (f, n).
+
+    stack (f, n, 2): f frames. The shares, 0 … 1, are lowered around each fold until there is none;
+    all are 0 if RELAX_ROUNDS do not suffice.
+    """
     following, share = layout.following, np.ones(stack.shape[:2])
     steps: Ints = np.arange(len(stack) - 1)  # from frame to frame, that are to be tested
     in_time = _spread(np.eye(len(stack)), RELAX_FRAMES, "nearest")

@@ -74,7 +74,7 @@ def learnable_blocks(both: Windows, is_animation: Mask) -> Iterator[tuple[Mask, 
 def _make_classifier(p: RealismSettings, share: float) -> Any:
     """Return a classifier of scikit-learn that has not learnt yet.
 
-    share: of the numbers of a window, that each branch of a tree may use.
+    share: how many of a window's numbers each branch of a tree may choose from, 0 … 1.
     """
     # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier
