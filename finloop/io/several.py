@@ -43,7 +43,7 @@ def load_readable_films(clip: Path) -> list[JoinedFilm]:
 
 
 def load_joined_films(clip: Path) -> list[JoinedFilm]:
-    """Return all films that the clip in folder `clip` was to join, also unreadable ones."""
+    """Return all films that were to be joined to the clip in folder `clip`, unreadable ones too."""
     return (
         load_records(clip / PARTS_NAME, JoinedFilm, "clip") if (clip / PARTS_NAME).exists() else []
     )

@@ -188,7 +188,7 @@ def join_halves(
 
 
 def _resize(crop: Picture, size_px: int) -> Picture:
-    """Return a square crop with a side; the crop itself where it has that side."""
+    """Return a square crop scaled to a side [px]; the crop itself if it has that side."""
     if len(crop) == size_px:
         return crop
     smaller = cv2.INTER_AREA if size_px < len(crop) else cv2.INTER_CUBIC

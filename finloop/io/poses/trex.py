@@ -88,7 +88,10 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
 
 
 def _read_scale(folder: Path) -> dict[str, np.ndarray]:
-    """Return `{"cm_per_pixel": value}` from TRex's settings in a folder; {} without settings."""
+    """Return `{"cm_per_pixel": value}` from TRex's settings; {} if none state it.
+
+    folder: the settings are in it, or in the folder above.
+    """
     for file in [*sorted(folder.glob("*.settings")), *sorted(folder.parent.glob("*.settings"))]:
         text = file.read_text("utf-8", errors="replace")
         if found := re.search(r"^\s*cm_per_pixel\s*[=:]\s*([\d.eE+-]+)", text, re.MULTILINE):
