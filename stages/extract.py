@@ -287,7 +287,7 @@ def _extraction_metrics(extraction: Extraction) -> dict[str, float]:
 
     The verdicts count the silhouettes that are a fish, several fish or none.
     """
-    scene, verdicts, frames_by_track, jumps_pct, given, lost, light = extraction
+    scene, verdicts, frames_by_track, jumps_pct, area_range, given, lost, light = extraction
     long_tracks = [count for count in frames_by_track.values() if count >= LONG]
     return {
         **{name: value for name, value in asdict(scene).items() if name.endswith(("_grey", "_px"))},
@@ -299,6 +299,7 @@ def _extraction_metrics(extraction: Extraction) -> dict[str, float]:
         f"fish_frames_in_tracks_of_{LONG}_frames": sum(long_tracks),
         "longest_track_frames": max(frames_by_track.values()),
         "area_jumps_pct": jumps_pct,
+        "area_range": area_range,
         **light._asdict(),
         **given,
         **({"frames_lost": len(lost)} if lost else {}),

@@ -196,6 +196,16 @@ def test_woven_fields_and_their_order_are_seen(carp, top):
 # --- the whole film
 
 
+def test_a_film_that_begins_plain_white_is_compared_with_its_first_other_frame():
+    tank = np.tile(np.linspace(100, 200, 64), (48, 1))
+    tally = ClipTally()
+    for gain in (3.0, 3.0, 1.0, 0.9, 3.0, 1.1):
+        tally.add_frame(np.clip(np.rint(gain * tank), 0, 255).astype(np.uint8))
+    unknown = [True, True, False, False, True, False]
+    assert np.isnan(tally.lights).tolist() == unknown
+    assert np.array(tally.lights)[~np.array(unknown)] == pytest.approx([1, 0.9, 1.1], abs=0.01)
+
+
 def check_frames(frames: list[np.ndarray], rate_hz: float = 25.0):
     tally = ClipTally()
     for frame in frames:

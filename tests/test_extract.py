@@ -230,7 +230,9 @@ def test_where_the_light_is_unknown_a_cutout_is_as_bright_as_filmed():
 def test_the_light_of_a_film_is_a_finding():
     def judge(*light):
         facts = summarize_light(np.array(light))
-        animals = dict.fromkeys(("silhouettes_at_border", "area_jumps_pct"), 0.0)
+        animals = dict.fromkeys(
+            ("silhouettes_at_border", "area_jumps_pct", "area_range", "tank_grain_grey"), 0.0
+        )
         animals |= {"silhouettes_fish": 1.0, "typical_length_px": 60, "typical_edge_px": 2.0}
         (found,) = [f for f in list_findings(animals | facts._asdict()) if f.word == "light"]
         return found

@@ -20,7 +20,7 @@ from finloop.extract.samples import measure_edge_width
 from finloop.extract.segment import Silhouette
 from finloop.extract.table import tracks_schema
 from finloop.extract.verdict import list_findings as judge_animals
-from finloop.extract.verdict import measure_area_jumps
+from finloop.extract.verdict import measure_area_jumps, measure_area_range
 from finloop.extract.write import extract_tracks
 from finloop.features.metrics import (
     measure_frames_per_beat,
@@ -61,7 +61,8 @@ def faults(folder: Path, frames: list[np.ndarray], rate: float = 25, crf: int = 
         f"silhouettes_{verdict.replace(' ', '_')}": extraction.verdicts[verdict]
         for verdict in ("fish", "at border")
     }
-    facts |= {"area_jumps_pct": extraction.area_jumps_pct} | extraction.light._asdict()
+    facts |= {"area_jumps_pct": extraction.area_jumps_pct, "tank_grain_grey": 0.0}
+    facts |= {"area_range": extraction.area_range} | extraction.light._asdict()
     findings += judge_animals(facts)
     table = load_table(tracks / "tracks.parquet", tracks_schema(p.points))
     features, _ = measure_features(table, made.facts.frame_rate_hz, settings("features"))
@@ -183,6 +184,15 @@ def test_an_area_jumps_if_it_is_off_for_a_frame_or_two():
     assert measure_area_jumps(np.zeros(40, int), frame, grown) == 0
     assert np.isnan(measure_area_jumps(np.zeros(40, int), 2 * frame, off))
     assert np.isnan(measure_area_jumps(np.arange(3), frame[:3], off[:3]))
+
+
+def test_the_area_range_is_that_of_the_median_track():
+    area = np.concatenate([np.full(40, 100.0), np.linspace(100, 200, 101)])
+    track = np.repeat([0, 1], [40, 101])
+    order = np.random.default_rng(0).permutation(141)
+    assert measure_area_range(track[order], area[order]) == pytest.approx(190 / 110)
+    assert measure_area_range(track[:81], area[:81]) == pytest.approx(1.36 / 1.04, rel=0.01)
+    assert measure_area_range(track[:70], area[:70]) == 1
 
 
 @pytest.mark.parametrize("contrast", [40.0, 200.0])

@@ -83,6 +83,7 @@ def test_light_that_saturates_for_some_frames_leaves_no_flash():
     found = pictures_of(film([across()], gains=gains))
     assert not found.lack
     assert np.abs(found.pictures.astype(float) - TANK).max() < 6 * NOISE
+    assert found.grain_grey == pytest.approx(NOISE, rel=0.05)
 
 
 def test_a_black_tank_keeps_its_grain():

@@ -90,7 +90,7 @@ class ClipTally:
     brightest: int = 0
     samples: dict[int, np.ndarray] = field(default_factory=dict)  # some frames, by number
     _stride: int = 1  # frames from one sample to the next
-    # (frames,) brightness relative to the first frame, where both show the tank; NaN: too dark
+    # (frames,) brightness relative to the first frame whose light is known; NaN: too dark, or white
     lights: list[float] = field(default_factory=list)
     # (frames,) how much each frame differs from the one before [grey levels]; NaN for the first
     changes: list[float] = field(default_factory=list)
@@ -107,8 +107,11 @@ class ClipTally:
         low, high, *_ = cv2.minMaxLoc(thinned.reshape(len(thinned), -1))
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
         subsample = to_grey(thinned)
-        self._first = subsample if self._first is None else self._first
-        self.lights.append(float(measure_gain(subsample, self._first)[0]))
+        if self._first is None and not np.isnan(measure_gain(subsample, subsample)[0]):
+            self._first = subsample
+        self.lights.append(
+            float("nan") if self._first is None else float(measure_gain(subsample, self._first)[0])
+        )
         self.changes.append(
             float("nan") if self._last is None else picture_change(self._last, subsample)
         )

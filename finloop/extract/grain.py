@@ -75,6 +75,7 @@ def empty_tank_pictures(
     even_frames, covers = [], []
     for frame in frames:
         shown = _find_animals(_even_light(frame, background, None), background, threshold, rim)
+        shown |= _is_white(frame) & ~_is_white(background)
         even_frames.append(_even_light(frame, background, shown))
         covers.append(shown)
     if len(even_frames) < _FEWEST:
@@ -103,7 +104,7 @@ def _even_light(frame: Picture, background: Picture, covered: NDArray[np.bool_] 
     """Return a frame made as bright as the background; covered (h, w): pixels that do not count.
 
     Without `covered`, one gain by the median of pixels; with it a gain per channel, by sums over
-    those that follow the light. Where the light saturates, pixels become darker than the tank.
+    those that follow the light.
     """
     gains = np.array([relative_brightness(frame, background)])
     if covered is not None:
@@ -112,6 +113,11 @@ def _even_light(frame: Picture, background: Picture, covered: NDArray[np.bool_] 
         if lit.mean() > 0.05:
             gains = levels[lit].sum(axis=0, dtype=float) / tank[lit].sum(axis=0, dtype=float)
     return undo_gain(frame, gains)
+
+
+def _is_white(picture: Picture) -> NDArray[np.bool_]:
+    """Return where a picture saturates, (h, w): there the tank is not seen."""
+    return np.asarray((_as_channels(picture) >= WHITE).any(axis=2))
 
 
 def _as_channels(picture: Picture) -> Picture:

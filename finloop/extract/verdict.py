@@ -16,6 +16,9 @@ BORDER_PCT = 10.0
 # Measured: carp, trout, sunfish 0, zebrafish 0.2; flies whose legs come and go 1.3, a mouse with
 # its tail 2.3, a dog and a person before a hedge 2.4.
 PARTS_PCT = 0.5
+# Ninth tenth of an animal's area over the first. Measured: trout, sunfish, zebrafish 1.05 to 1.08,
+# flies 1.14, mouse 1.22, carp 1.25, a dog beside a person 1.33.
+AREA_RANGE = 1.4
 UNKNOWN_PCT = 1.0  # of the frames; one or two that a hand covers do not matter
 LIGHT_RANGE = 1.5  # cut-outs from a light so much weaker have as much more noise
 
@@ -41,6 +44,17 @@ def measure_area_jumps(track: Ints, frame: Ints, area_px: Floats) -> float:
         return float("nan")
     usual = np.median(areas, axis=1)
     return float(100 * (np.abs(areas[:, _WINDOW // 2] - usual) > _OFF * usual).mean())
+
+
+def measure_area_range(track: Ints, area_px: Floats) -> float:
+    """Return how many times as large as small an animal is seen: 90 % over 10 % of its area.
+
+    It is that of the median track, each weighted by its frames. track, area (rows,): of each
+    silhouette of an animal, in any order.
+    """
+    tracks = [area_px[track == number] for number in np.unique(track)]
+    ranges = [np.quantile(areas, 0.9) / np.quantile(areas, 0.1) for areas in tracks]
+    return float(np.median(np.repeat(ranges, [len(areas) for areas in tracks])))
 
 
 class LightFacts(NamedTuple):
@@ -93,7 +107,7 @@ def _judge_light(light: LightFacts) -> Finding:
 
 
 def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
-    """Yield findings on the animals' size, outlines, border, missing parts, and the light.
+    """Yield findings on the animals' size, outlines, border, parts and shadow, light and tank.
 
     metrics: of the stage `extract`, by name.
     """
@@ -126,4 +140,18 @@ def list_findings(metrics: Mapping[str, float]) -> Iterator[Finding]:
             "Parts come and go, such as legs, fins or a tail: more light on them, a floor of one "
             "brightness, or a smaller extract.outline_contrast_ratio.",
         )  # fmt: skip
+    area_range = metrics["area_range"]
+    yield Finding(
+        "shadow", area_range < AREA_RANGE,
+        f"An animal's area differs by a factor of {area_range:.2f} (a tenth of the frames is above "
+        "that range, a tenth below).",
+        "A shadow or mirror image as dark as the animal may count as part of it, and is then in "
+        "its cut-outs: light from all sides or from below, a darker or rougher floor.",
+    )  # fmt: skip
     yield _judge_light(LightFacts(*(metrics[name] for name in LightFacts._fields)))
+    grain = metrics["tank_grain_grey"]
+    yield Finding(
+        "tank", True,
+        f"The empty tank has a grain of {grain:.1f} grey levels, and so has an animation's."
+        if grain else "The film shows no grain of the empty tank: an animation's stands still.",
+    )  # fmt: skip

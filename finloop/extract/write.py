@@ -28,7 +28,12 @@ from finloop.extract.load_given import (
 from finloop.extract.samples import TypicalFish, Verdict, measure_scene_and_fish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.extract.verdict import LightFacts, measure_area_jumps, summarize_light
+from finloop.extract.verdict import (
+    LightFacts,
+    measure_area_jumps,
+    measure_area_range,
+    summarize_light,
+)
 from finloop.io.atomic import require_free_space
 from finloop.io.checkpoints import Checkpoints, pack_result
 from finloop.io.cutouts import compressed_size, tracks_writer
@@ -56,15 +61,16 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 class Extraction(NamedTuple):
     """What extraction found in a clip: scene facts, verdict counts, and lengths of tracks.
 
-    lengths: frames by track. area_jumps_pct: see `measure_area_jumps`. given: outcomes of another
-    program's places; empty without such tracks. lost: numbers of the frames that could not be
-    decoded. light: see `LightFacts`.
+    lengths: frames by track. area_jumps_pct, area_range: see `measure_area_jumps`,
+    `measure_area_range`. given: outcomes of another program's places; empty without such tracks.
+    lost: numbers of the frames that could not be decoded. light: see `LightFacts`.
     """
 
     scene: SceneFacts
     verdicts: Counter[Verdict]
     lengths: Counter[int]
     area_jumps_pct: float
+    area_range: float
     given: dict[str, float]
     lost: list[int]
     light: LightFacts
@@ -132,10 +138,12 @@ def extract_tracks(
     if external_tracks and linker and agreement:
         save_external_tracks(folder, external_tracks, p.points)
         external_metrics = linker.metrics(agreement)
-    jumps_pct = measure_area_jumps(*map(np.array, (track_ids, frames, areas)))
+    track, frame, area_px = map(np.array, (track_ids, frames, areas))
+    jumps_pct = measure_area_jumps(track, frame, area_px)
+    area_range = measure_area_range(track, area_px)
     light_facts = summarize_light(np.delete(np.array(light), lost))
     return Extraction(
-        scene_facts, verdicts, lengths, jumps_pct, external_metrics, lost, light_facts
+        scene_facts, verdicts, lengths, jumps_pct, area_range, external_metrics, lost, light_facts
     )
 
 
