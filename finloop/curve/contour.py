@@ -9,6 +9,7 @@ import numpy as np
 from finloop.base.arrays import Floats
 from finloop.base.drawing import Curve
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
 
 
 def signed_area(curve: Curve) -> float:
@@ -72,12 +73,24 @@ def nearest_on_curve(points: Floats, curve: Curve) -> tuple[Floats, Floats]:
     A position is the number of a point of the curve plus the share of the way to the next. A gap
     leads from there to the given point.
     """
-    line = curve.points
-    start = line if curve.closed else line[:-1]
-    edge = (np.roll(line, -1, axis=0) if curve.closed else line[1:]) - start
-    along = ((points[:, None] - start) * edge).sum(axis=-1)
-    share = np.clip(along / np.maximum((edge**2).sum(axis=-1), 1e-300), 0, 1)
-    gaps = points[:, None] - start - share[..., None] * edge
-    nearest = (gaps**2).sum(axis=-1).argmin(axis=1)
-    rows = np.arange(len(points))
-    return nearest + share[rows, nearest], gaps[rows, nearest]
+    given = (np.ascontiguousarray(values, np.float64) for values in (points, curve.points))
+    return _nearest_places(*given, curve.closed)
+
+
+@kernel
+def _nearest_places(points: Floats, line: Floats, closed: bool) -> tuple[Floats, Floats]:
+    """Return places (m,) and gaps (m, 2) as `nearest_on_curve`, for a curve of points (n, 2)."""
+    places, gaps = np.empty(len(points)), np.empty((len(points), 2))
+    for k in range(len(points)):
+        least = np.inf
+        for i in range(len(line) if closed else len(line) - 1):
+            j = (i + 1) % len(line)
+            edge_x, edge_y = line[j, 0] - line[i, 0], line[j, 1] - line[i, 1]
+            x, y = points[k, 0] - line[i, 0], points[k, 1] - line[i, 1]
+            length = max(edge_x * edge_x + edge_y * edge_y, 1e-300)
+            share = min(max((x * edge_x + y * edge_y) / length, 0.0), 1.0)
+            x, y = x - share * edge_x, y - share * edge_y
+            if x * x + y * y < least:
+                least = x * x + y * y
+                places[k], gaps[k, 0], gaps[k, 1] = i + share, x, y
+    return places, gaps

@@ -22,7 +22,7 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
-from finloop.base.kernel import kernel
+from finloop.base.kernel import kernel, leaf_kernel
 
 BLOCK = 16  # edges
 _ROUNDING = 64 * 2.0**-52  # margin for a coefficient halved DEPTH times: twice the rounding error
@@ -132,7 +132,7 @@ def _check_contours(points: Reals, layout: ContourLayout) -> Floats:
 # --- one pose, exactly
 
 
-@kernel
+@leaf_kernel
 def _two_product(a: float, b: float) -> tuple[float, float]:
     """Return the rounded product of two numbers, and its rounding error (Dekker).
 
@@ -249,7 +249,7 @@ def _merge_boxes(boxes: Floats) -> Floats:
     return blocks
 
 
-@kernel
+@leaf_kernel
 def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
     """Return whether row i of the boxes a (n, 4) and row j of the boxes b overlap."""
     # & rather than `and`: four unpredictable branches take ten times as long
@@ -325,6 +325,8 @@ def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
         return True
     d0, d2 = ax * cx + ay * cy, bx * dx + by * dy
     d1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
+    if min(d0, d1, d2) > margin:
+        return True
     # Spans of time that are not yet decided: their coefficients, and how often they were halved.
     stack = np.empty((DEPTH + 2, 7))
     _copy_numbers(stack[0], (c0, c1, c2, d0, d1, d2, 0.0))
@@ -360,42 +362,90 @@ def stays_simple_unchecked(stack: Floats, following: Ints) -> bool:
     The first pose must have no fold; neither this nor the shape is checked. False may mean that two
     parts come too near each other to decide.
     """
+    tested = np.ones(stack.shape[1], np.bool_)
     for k in range(len(stack) - 1):
-        if find_contacts(stack[k], stack[k + 1], following, first_only=True).any():
+        if find_contacts(stack[k], stack[k + 1], following, tested, first_only=True).any():
             return False
     return True
 
 
+@leaf_kernel
+def _write_path_box(
+    boxes: Floats, row: int, before: Floats, after: Floats, i: int, j: int, x: float, y: float
+) -> None:
+    """Write the box of what the edge ij passes, seen from a point that moves by (x, y).
+
+    boxes (k, 4): left, top, right, bottom; before, after (n, 2): the poses. j < 0: no edge; its box
+    overlaps no other.
+    """
+    if j < 0:
+        boxes[row, 0] = boxes[row, 1] = np.inf
+        boxes[row, 2] = boxes[row, 3] = -np.inf
+        return
+    x_i, x_j, y_i, y_j = after[i, 0] - x, after[j, 0] - x, after[i, 1] - y, after[j, 1] - y
+    boxes[row, 0] = min(min(before[i, 0], before[j, 0]), min(x_i, x_j))
+    boxes[row, 1] = min(min(before[i, 1], before[j, 1]), min(y_i, y_j))
+    boxes[row, 2] = max(max(before[i, 0], before[j, 0]), max(x_i, x_j))
+    boxes[row, 3] = max(max(before[i, 1], before[j, 1]), max(y_i, y_j))
+
+
 @kernel
-def find_contacts(before: Floats, after: Floats, following: Ints, first_only: bool) -> Mask:
+def find_contacts(
+    before: Floats, after: Floats, following: Ints, tested: Mask, first_only: bool
+) -> Mask:
     """Return a mask (n,) of vertices in contact in a straight motion between two poses (n, 2).
 
     A contact is a vertex that meets an edge, or may meet it: the two come too near each other to
-    decide. The vertex and both ends of the edge count. first_only: stop at the first contact. A
-    vertex and an edge can only meet where the boxes of their paths overlap; boxes of BLOCK of them
-    rule out most pairs.
+    decide. The vertex and both ends of the edge count. tested (n,): only contacts of at least one
+    of these vertices are looked for. first_only: stop at the first contact. A vertex and an edge
+    can only meet where the boxes of their paths overlap; boxes of BLOCK of them rule out most
+    pairs. Within two blocks, paths are seen from a vertex that moves along: neighbours move alike,
+    so these paths are short.
     """
     n = len(before)
     is_met = np.zeros(n, np.bool_)
-    vertex_boxes = np.empty((n, 4))  # low x, y, high x, y of each vertex's path
+    boxes, reach = np.empty((n, 4)), 0.0  # low x, y, high x, y of each vertex's path
     for i in range(n):
         for axis in range(2):
-            vertex_boxes[i, axis] = min(before[i, axis], after[i, axis])
-            vertex_boxes[i, 2 + axis] = max(before[i, axis], after[i, axis])
-    edge_boxes = _edge_boxes(vertex_boxes, following)
-    vertex_blocks, edge_blocks = _merge_boxes(vertex_boxes), _merge_boxes(edge_boxes)
+            boxes[i, axis] = min(before[i, axis], after[i, axis])
+            boxes[i, 2 + axis] = max(before[i, axis], after[i, axis])
+            reach = max(reach, abs(boxes[i, axis]), abs(boxes[i, 2 + axis]))
+    vertex_blocks, edge_blocks = _merge_boxes(boxes), _merge_boxes(_edge_boxes(boxes, following))
+    margin = _ROUNDING * reach  # more than the rounding of a place that is seen from another one
+    vertices, edges = np.empty((BLOCK, 4)), np.empty((BLOCK, 4))
+    is_edge_tested = tested | tested[following]
     for block in range(len(vertex_blocks)):
+        low, high = block * BLOCK, min((block + 1) * BLOCK, n)
+        middle = (low + high) // 2
+        x, y = after[middle, 0] - before[middle, 0], after[middle, 1] - before[middle, 1]
+        for v in range(low, high):
+            _write_path_box(vertices, v - low, before, after, v, v, x, y)
+            vertices[v - low, 0] -= margin
+            vertices[v - low, 1] -= margin
+            vertices[v - low, 2] += margin
+            vertices[v - low, 3] += margin
+        near_vertices, is_tested = _merge_boxes(vertices[: high - low]), tested[low:high].any()
         for partner in range(len(edge_blocks)):
             if not _boxes_overlap(vertex_blocks, block, edge_blocks, partner):
                 continue
-            for v in range(block * BLOCK, min((block + 1) * BLOCK, n)):
-                if not _boxes_overlap(vertex_boxes, v, edge_blocks, partner):
+            first, last = partner * BLOCK, min((partner + 1) * BLOCK, n)
+            if not (is_tested or is_edge_tested[first:last].any()):
+                continue
+            for i in range(first, last):
+                _write_path_box(edges, i - first, before, after, i, following[i], x, y)
+            near_edges = _merge_boxes(edges[: last - first])
+            if not _boxes_overlap(near_vertices, 0, near_edges, 0):
+                continue
+            for v in range(low, high):
+                if not _boxes_overlap(vertices, v - low, near_edges, 0):
                     continue
-                for i in range(partner * BLOCK, min((partner + 1) * BLOCK, n)):
-                    if v == i or not _boxes_overlap(vertex_boxes, v, edge_boxes, i):
+                for i in range(first, last):
+                    if v == i or not _boxes_overlap(vertices, v - low, edges, i - first):
                         continue
                     j = following[i]
-                    if v != j and not _stays_apart(before, after, v, i, j):
+                    if v == j or not (tested[v] or is_edge_tested[i]):
+                        continue
+                    if not _stays_apart(before, after, v, i, j):
                         is_met[v] = is_met[i] = is_met[j] = True
                         if first_only:
                             return is_met

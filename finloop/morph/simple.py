@@ -27,11 +27,12 @@ move straight, and a step counts only if it is proved free of contact (`morph.fo
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import scipy
 
-from finloop.base.arrays import Floats, Ints, Points
+from finloop.base.arrays import Floats, Ints, Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.curve.contour import Curve, area_centroids, next_corners, signed_area
@@ -201,11 +202,11 @@ def _find_shortest_path(
     """
     before, after = path_lengths(a), path_lengths(b)
     length = before[:, None] + _pose_distances(a, b) + after
-    possible = length < limit
+    possible, following = length < limit, layout.following
 
     def try_to_join(i: int, j: int) -> bool:
         """Return whether poses a_i and b_j can be joined without folds."""
-        if _straight_motion_is_simple(a[i], b[j], layout.following):
+        if _straight_motion_is_simple(a[i], b[j], following):
             return True
         possible[: i + 1, : j + 1] = False
         return False
@@ -221,7 +222,7 @@ def _find_shortest_path(
             shortest_length = float(length[i, j])
             # One pose simpler if that is free too: the shortest free path almost folds.
             is_inside = i + 1 < len(a) and j + 1 < len(b)
-            if is_inside and _straight_motion_is_simple(a[i + 1], b[j + 1], layout.following):
+            if is_inside and _straight_motion_is_simple(a[i + 1], b[j + 1], following):
                 i, j = i + 1, j + 1
             return shortest_length, np.concatenate([a[: i + 1], b[j::-1]])
     return None
@@ -324,15 +325,11 @@ def _find_free_shares(stack: Points, moves: Points, layout: ContourLayout) -> Fl
     all are 0 if RELAX_ROUNDS do not suffice.
     """
     following, share = layout.following, np.ones(stack.shape[:2])
-    steps: Ints = np.arange(len(stack) - 1)  # from frame to frame, that are to be tested
+    changed = np.ones(stack.shape[:2], np.bool_)  # since the last test
     in_time = _spread(np.eye(len(stack)), RELAX_FRAMES, "nearest")
     for _ in range(RELAX_ROUNDS):
         moved = stack + share[:, :, None] * moves
-        near = np.zeros_like(share)
-        for k in steps:
-            is_met = find_contacts(moved[k], moved[k + 1], following, first_only=False)
-            if is_met.any():
-                near[k : k + 2, is_met] = 1.0
+        near = _mark_contacts(moved, following, changed)
         folded = np.flatnonzero(near.any(axis=1))
         if not len(folded):
             return share
@@ -340,9 +337,25 @@ def _find_free_shares(stack: Points, moves: Points, layout: ContourLayout) -> Fl
             near[folded, part] = _spread(near[folded, part], RELAX_EDGES, "wrap")
         near = np.minimum(1.0, in_time[:, folded] @ near[folded])
         share *= 1 - (1 - RELAX) * near
-        changed = np.asarray(near.any(axis=1))
-        steps = np.flatnonzero(changed[:-1] | changed[1:])
+        changed = near > 0
     return np.zeros_like(share)
+
+
+@kernel
+def _mark_contacts(stack: Points, following: Ints, changed: Mask) -> Floats:
+    """Return where frames (f, n, 2) have contacts on the way to the next: 1, elsewhere 0, (f, n).
+
+    Both frames count. Only contacts of vertices that are changed (f, n) are looked for.
+    """
+    near = np.zeros(changed.shape)
+    for k in range(len(stack) - 1):
+        tested = changed[k] | changed[k + 1]
+        if tested.any():
+            is_met = find_contacts(stack[k], stack[k + 1], following, tested, first_only=False)
+            for v in range(len(is_met)):
+                if is_met[v]:
+                    near[k, v] = near[k + 1, v] = 1.0
+    return near
 
 
 def _spread(values: Floats, width: float, mode: str) -> Floats:
@@ -357,15 +370,24 @@ def _spread(values: Floats, width: float, mode: str) -> Floats:
 def _smooth_in_time(stack: Points, width: float) -> Points:
     """Return the frames (f, n, 2) of a motion smoothed by a Gaussian in time; both ends stay.
 
-    width: its standard deviation in frames. Beyond an end the motion goes on as its own image under
-    reflection in that end.
+    width: its standard deviation in frames.
     """
-    reach = min(int(3 * width) + 1, len(stack) - 1)
+    smooth = _smoothing_weights(len(stack), width) @ stack.reshape(len(stack), -1)
+    return smooth.reshape(stack.shape)
+
+
+@lru_cache(maxsize=64)
+def _smoothing_weights(frames: int, width: float) -> Floats:
+    """Return the weights (f, f) of frames in each frame smoothed by a Gaussian in time.
+
+    Beyond an end the motion goes on as its own image under reflection in that end.
+    """
+    reach = min(int(3 * width) + 1, frames - 1)
     beyond = ((reach, reach), (0, 0))
     # Smoothing is linear: what it does to one number a frame says it for all points.
-    extended = np.pad(np.eye(len(stack)), beyond, mode="reflect", reflect_type="odd")
+    extended = np.pad(np.eye(frames), beyond, mode="reflect", reflect_type="odd")
     weights = scipy.ndimage.gaussian_filter1d(extended, width, axis=0, radius=reach)
-    return np.tensordot(weights[reach:-reach], stack, axes=1)
+    return np.asarray(weights[reach:-reach])
 
 
 def _limit_areas(stack: Points, layout: ContourLayout) -> Points:
@@ -452,8 +474,8 @@ def round_off_contours(points: Points, layout: ContourLayout) -> tuple[Points, b
     round if a step folds after HALVINGS halvings, or if there are MOST_POSES poses.
     """
     poses = [np.ascontiguousarray(points, np.float64)]
-    outer, *holes = layout.parts
-    following = layout.following
+    parts, following = layout.parts, layout.following
+    outer, *holes = parts
     area = signed_area(Curve(poses[0][outer], closed=True))
     least = np.array([
         min(SMALL * abs(area), abs(signed_area(Curve(poses[0][hole], closed=True))))
@@ -465,7 +487,7 @@ def round_off_contours(points: Points, layout: ContourLayout) -> tuple[Points, b
     while 4 * np.pi * abs(area) <= ROUND * edges.sum() ** 2 or not _are_small_and_round(
         poses[-1], holes, least
     ):
-        shorter = np.concatenate([_implicit_step(poses[-1][part], step) for part in layout.parts])
+        shorter = np.concatenate([_implicit_step(poses[-1][part], step) for part in parts])
         pose = _resize_contours(shorter, outer, area)
         for hole, least_area in zip(holes, least, strict=True):
             hole_area = signed_area(Curve(pose[hole], closed=True))
