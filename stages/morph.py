@@ -12,6 +12,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats
 from finloop.base.drawing import Drawing, Morph
+from finloop.base.tool import format_frame_counts
 from finloop.curve.contour import Curve, resample_curve, signed_area
 from finloop.curve.dynamics import (
     Material,
@@ -27,7 +28,7 @@ from finloop.curve.wavelet import CUBIC, drop_details
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_figure, save_picture
-from finloop.io.svg import load_svg
+from finloop.io.svg import describe_unpainted, load_svg
 from finloop.io.table import save_csv
 from finloop.morph.force_list import parse_forces
 from finloop.morph.in_forces import move_drawing
@@ -220,10 +221,11 @@ def main() -> None:
     p: MorphSettings = load_settings("morph")
     numbers = _draw_curve_paper_figures(p) | _draw_released_hoop(p)
     first, last = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
+    unpainted = describe_unpainted(first, last)
     first, last, pairing = match_drawings(first, last, Path(p.pairs) if p.pairs else None)
     drawings = first, last
-    if pairing:
-        print(f"morph: {pairing}", file=sys.stderr)
+    for finding in filter(None, [pairing, unpainted]):
+        print(f"morph: {finding}", file=sys.stderr)
     resolution = Resolution(p.level, p.wavelet)
     physics = PhysicalOptions(p.elasticity, p.damping, p.mass, p.stiffness_damping)
     forces = parse_forces(p.forces)
@@ -240,6 +242,9 @@ def main() -> None:
             else:
                 morphs[method] = morph_drawings(first, last, method, p.frames, *given)
             advance()
+        if covered := morphs[p.method].count_cover_frames():
+            pieces = format_frame_counts(covered, p.frames)
+            print(f"morph: pieces cover each other: {pieces}", file=sys.stderr)
         is_there_and_back = p.back and not forces  # nothing falls upwards
         film = there_and_back(morphs[p.method]) if is_there_and_back else morphs[p.method]
         with whole_folder(OUT) as folder:

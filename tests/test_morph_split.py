@@ -1,5 +1,7 @@
 """Shapes of another kind or number: open and closed, one and several, parts, and pins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -142,9 +144,27 @@ def test_one_becomes_two_and_looks_as_drawn_at_both_ends(method):
     ):
         done = morph_drawings(*pair_drawings(a, b, pair_shapes(a, b, given)), method, 9, 256)
         assert list(done.layers) == ["left", "right"] and not done.count_fold_frames()
+        assert method == "physical" or not done.covers  # but for the seam
         for frame, drawn in ((0, a), (-1, b)):
             off = abs(picture(done, frame).astype(int) - picture(drawn)).max(axis=2)
             assert (off > 90).mean() < 5e-4  # neither a seam nor the line of a cut
+
+
+def test_pieces_that_cover_each_other_are_named():
+    """They pass through each other, beside each other, or stay together along the cut."""
+    left, right = ROUND * 2 + [20, 40], ROUND * 2 + [60, 40]
+    cut = np.array([[[40, 20], [40, 60.0]]])
+    for goals, is_named in (
+        ((right, left), True), ((left - 10, right + 10), False), ((right, left + [0, 160]), False)
+    ):  # fmt: skip
+        a = replace(
+            drawing(left=polygon(left), right=polygon(right)), cuts={"left": cut, "right": cut}
+        )
+        b = drawing(left=polygon(goals[0]), right=polygon(goals[1]))
+        done = morph_drawings(a, b, "linear", 9, 64)
+        assert sorted(done.count_cover_frames()) == ["left", "right"] * is_named
+        assert not done.take_frames(np.array([0, -1])).covers.get("left", np.zeros(1)).any()
+        assert not morph_drawings(replace(a, cuts={}), b, "linear", 9, 64).covers
 
 
 @pytest.mark.parametrize("turn", range(0, 48, 12))

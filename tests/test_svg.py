@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from finloop.base.errors import FinloopError
 from finloop.base.style import colours_at, gradient_offsets
 from finloop.curve.contour import signed_area
-from finloop.io.svg import FLATNESS, load_svg
+from finloop.io.svg import FLATNESS, describe_unpainted, load_svg
 from finloop.io.svg_safe import MOST_BYTES, MOST_DRAWN
 from finloop.io.svg_style import MOST_NESTED
 
@@ -392,8 +392,17 @@ def test_an_inner_contour_is_a_hole_if_the_fill_rule_says_so(tmp_path):
         (outer + "M30 20V60H90V20z", 2), ("M0 0H90V20H20V70H90V90H0zM20 20H90V70H20z", 2),
     ):  # fmt: skip
         assert len(load(tmp_path, f'<path d="{d}"/>').curves) == count
-    crossing = f'<path d="{outer}M50 50H120V120H50z"/>'
-    assert len(load(tmp_path, crossing).curves) == 2
+    # Where contours cross, finloop fills by the even-odd rule, and says so if nonzero fills more.
+    star = "M50 5L76 86L7 36H93L24 86z"
+    for d, rule, is_named in (
+        (f"{outer}M50 50H120V120H50z", "nonzero", True),
+        (f"{outer}M50 50V120H120V50z", "nonzero", False),  # winds 1 − 1 times: not filled by either
+        (star, "nonzero", True), (star, "evenodd", False), (outer, "nonzero", False),
+    ):  # fmt: skip
+        found = load(tmp_path, f'<path id="a" fill-rule="{rule}" d="{d}"/>')
+        assert found.unpainted == ("a",) * is_named and len(found.curves) == d.count("M")
+        assert ("even-odd rule" in describe_unpainted(found)) == is_named
+    assert not load(tmp_path, f'<path id="a" fill="none" stroke="red" d="{star}"/>').unpainted
 
 
 def test_path_length_is_the_unit_of_dashes(tmp_path):

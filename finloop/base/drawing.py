@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from finloop.base.arrays import Ints, Points
+from finloop.base.arrays import Ints, Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.base.style import Paint
 
@@ -37,6 +37,8 @@ class Drawing:
     pins: dict[str, Points] = field(default_factory=dict)
     # by id: ends (k, 2, 2) of the edges where a shape was cut into pieces, which no line shows
     cuts: dict[str, Points] = field(default_factory=dict)
+    # ids of shapes whose fill-rule paints areas that the even-odd rule, which is used, leaves out
+    unpainted: tuple[str, ...] = ()
 
 
 def clean_curve(curve: Curve, name: str) -> Curve:
@@ -96,6 +98,9 @@ class Morph:
     width: float  # of the picture
     height: float
     decimals: int  # digits after the point that coordinates have
+    # (f,) by id: whether this piece of a cut shape and another piece cover each other; those that
+    # never do are left out
+    covers: dict[str, Mask] = field(default_factory=dict)
 
     @property
     def end_frame(self) -> int:
@@ -112,6 +117,7 @@ class Morph:
             tau=self.tau[frames],
             layers={name: stack[frames] for name, stack in self.layers.items()},
             folds={name: count[frames] for name, count in self.folds.items()},
+            covers={name: is_covered[frames] for name, is_covered in self.covers.items()},
             styles={
                 name: tuple(paints[frame] for frame in frames)
                 for name, paints in self.styles.items()
@@ -125,3 +131,7 @@ class Morph:
     def count_fold_frames(self) -> dict[str, int]:
         """Return in how many frames a contour crosses itself, by contour id; zeros are left out."""
         return {name: int((count > 0).sum()) for name, count in self.folds.items() if any(count)}
+
+    def count_cover_frames(self) -> dict[str, int]:
+        """Return in how many frames a piece of a cut shape and another cover each other, by id."""
+        return {name: int(is_covered.sum()) for name, is_covered in self.covers.items()}

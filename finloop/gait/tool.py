@@ -24,7 +24,7 @@ from finloop.gait.settings import Symmetry
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, animate_drawing, repeat_cycle
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.record import load_json
-from finloop.io.svg import load_svg
+from finloop.io.svg import describe_unpainted, load_svg
 from finloop.morph.layers import MOST_FRAMES
 from finloop.morph.match import Resolution
 
@@ -66,7 +66,7 @@ def _write_cycle(options: argparse.Namespace) -> str:
     shown = repeat_cycle(result.morph, options.cycles)
     lost = save_animation(options.output, shown, rate, options.size)
     summary = _summarise_transfer(result, gait, float(frames / rate))
-    return f"{summary}\n  {lost}" if lost else summary
+    return "\n  ".join(filter(None, [summary, describe_unpainted(*poses), lost]))
 
 
 def load_gait(path: Path) -> Gait:

@@ -22,11 +22,12 @@ import svgelements as svg
 
 from finloop.base.drawing import LARGEST, Curve, Drawing, clean_curve
 from finloop.base.errors import FinloopError
-from finloop.base.paint import PART
+from finloop.base.paint import PART, layers_by_shape
 from finloop.base.style import Fill, Gradient, Paint, Stop
 from finloop.io.svg_safe import load_safe_tree, read_href, use_target
 from finloop.io.svg_shapes import (
     find_area_edges,
+    is_painted_otherwise,
     read_attribute,
     read_shape,
     shape_polylines,
@@ -158,11 +159,12 @@ def load_svg(path: Path) -> Drawing:
             frozenset(_find_idle_clips(root)),
         )
         size, top = _read_root(root)
-        shown = list(_shown_shapes(document, root, top, problems))
+        shown, rules = list(_shown_shapes(document, root, top, problems)), dict[str, str]()
         problems.add_refused_features(document, shown)
         tolerance_px = FLATNESS * max(size)
         by_name = dict[str, tuple[Curve, Paint | None, tuple[str, ...]]]()
         for name, item in zip(_unique_names(path, shown), shown, strict=True):
+            rules[name] = item.group.values.get("fill-rule", "nonzero").lower()
             with problems.collect(name):
                 for number, (curve, paint) in enumerate(
                     _read_contours(document, item, tolerance_px), start=1
@@ -197,6 +199,14 @@ def load_svg(path: Path) -> Drawing:
     curves = {name: clean_curve(curve, name) for name, (curve, _, _) in by_name.items()}
     styles = {name: paint for name, (_, paint, _) in by_name.items() if paint}
     groups = {name: around for name, (_, _, around) in by_name.items() if around}
+    unpainted = tuple(
+        name
+        for name, layers in layers_by_shape(curves).items()
+        if name in styles
+        and styles[name].fill is not None
+        and rules[name] == "nonzero"
+        and is_painted_otherwise([curves[layer] for layer in layers])
+    )
     width, height = size
     if not {"viewBox", "width", "height"} & root.attrib.keys():  # the file states no size
         corner = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
@@ -207,7 +217,18 @@ def load_svg(path: Path) -> Drawing:
             "a width and a height above 0",
             "correct its viewBox, or width and height",
         )
-    return Drawing(curves, float(width), float(height), styles, groups)
+    return Drawing(curves, float(width), float(height), styles, groups, unpainted=unpainted)
+
+
+def describe_unpainted(*drawings: Drawing) -> str:
+    """Return in words which shapes have areas that their fill-rule paints and finloop does not."""
+    names = dict.fromkeys(name for drawing in drawings for name in drawing.unpainted)
+    if not names:
+        return ""
+    return (
+        f"painted by the even-odd rule, though fill-rule is nonzero: {', '.join(names)} (unite the"
+        " contours in the drawing program)"
+    )
 
 
 # --- what is refused

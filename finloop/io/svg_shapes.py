@@ -19,6 +19,7 @@ from finloop.io.svg_style import UnreadableValueError, local_name, read_length
 
 _FEW = 64  # points and edges of a contour that show whether it lies within another one
 _TOUCH = 1e-5  # share of a contour's size: places nearer to it lie on it
+_LINES, _WIDE = 32, 2e-3  # across a shape; share of its size that is seen
 _MOST_PIECES = 500  # pieces of one curved segment
 
 
@@ -72,6 +73,29 @@ def _are_inside(points: Points, around: Points) -> Mask:
     ring = ((around - low) / size).astype(np.float32)
     sides = [cv2.pointPolygonTest(ring, place, True) for place in ((places - low) / size).tolist()]
     return np.array([side > 0 for side in sides if abs(side) > _TOUCH], bool)
+
+
+def is_painted_otherwise(curves: Sequence[Curve]) -> bool:
+    """Return whether the rule `nonzero` paints areas of contours that the even-odd rule leaves out.
+
+    rises = (start[:, 1] <= y) & (end[:, 1] > y)
+    falls = (start[:, 1] > y) & (end[:, 1] <= y)
+    """
+    start = np.concatenate([curve.points for curve in curves])
+    end = np.concatenate([np.roll(curve.points, -1, axis=0) for curve in curves])
+    low, size = start.min(axis=0), np.ptp(start, axis=0)
+    for y in low[1] + (np.arange(_LINES) + 0.5) / _LINES * size[1]:
+        rises = (start[:, 1] <= y) & (end[:, 1] > y)
+        falls = (start[:, 1] > y) & (end[:, 1] <= y)
+        meets = rises | falls
+        (x0, y0), (x1, y1) = start[meets].T, end[meets].T
+        x = x0 + (y - y0) / (y1 - y0) * (x1 - x0)
+        order = np.argsort(x, kind="stable")
+        winding = np.cumsum(rises[meets][order].astype(int) - falls[meets][order])[:-1]
+        is_left_out = (winding != 0) & (winding % 2 == 0)
+        if (np.diff(x[order])[is_left_out] > _WIDE * size.max()).any():
+            return True
+    return False
 
 
 def read_shape(

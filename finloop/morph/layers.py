@@ -20,6 +20,7 @@ from finloop.base.style import Gradient, Paint, mix_paints, move_paint, scale_pa
 from finloop.curve.contour import Curve, nearest_on_curve
 from finloop.curve.dynamics import Material, Problem, solve_motion
 from finloop.curve.wavelet import close_by_mirroring
+from finloop.morph.cover import find_covered_pieces
 from finloop.morph.folds import (
     ContourLayout,
     contours_stay_simple,
@@ -119,7 +120,14 @@ def morph_drawings(
     tau = np.linspace(0, 1, frames)
     ends = [{name: stack[end] for name, stack in layers.items()} for end in (0, -1)]
     styles = mix_styles(a, b, tau, layers, ends)
-    return build_morph(a, tau, layers, styles, digits, closed=closed)
+    covers = find_covered_pieces(
+        {
+            shape: [layers[name] for name in names]
+            for shape, names in layers_by_shape(layers).items()
+        },
+        [a.cuts, b.cuts],
+    )
+    return replace(build_morph(a, tau, layers, styles, digits, closed=closed), covers=covers)
 
 
 def _morph_shape(

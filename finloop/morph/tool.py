@@ -21,7 +21,7 @@ from finloop.base.tool import (
 )
 from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.atomic import save_bytes
-from finloop.io.svg import load_svg
+from finloop.io.svg import describe_unpainted, load_svg
 from finloop.morph import trial
 from finloop.morph.force_list import FORMS, parse_forces
 from finloop.morph.in_forces import describe_rest, move_drawing
@@ -78,7 +78,10 @@ def _write_morph(options: argparse.Namespace) -> str:
     a, pairing = load_svg(options.a), ""
     b = a
     if options.b is not None:
-        a, b, pairing = match_drawings(a, load_svg(options.b), options.pairs)
+        b = load_svg(options.b)
+    unpainted = describe_unpainted(a, b)
+    if options.b is not None:
+        a, b, pairing = match_drawings(a, b, options.pairs)
     given, rest = (points, *_curve_options(options)), ""
     rate = FPS if options.fps is None else options.fps
     size_px = SIZE_PX if options.size is None else options.size
@@ -89,7 +92,7 @@ def _write_morph(options: argparse.Namespace) -> str:
         result = morph_drawings(a, b, method or "fold_free", frames, *given)
     shown = there_and_back(result) if options.back else result
     lost = save_animation(options.output, shown, rate, size_px)
-    return "; ".join(filter(None, [_summarise_morph(result), rest, pairing, lost]))
+    return "; ".join(filter(None, [_summarise_morph(result), rest, pairing, unpainted, lost]))
 
 
 def _curve_options(options: argparse.Namespace) -> tuple[Resolution, PhysicalOptions]:
@@ -112,21 +115,24 @@ def _write_trial_page(options: argparse.Namespace, frames: int, points: int) -> 
             "two drawings alone: the page shows all methods and pairs, in its own size and time",
             "give two drawings without these options, or another ending of the output",
         )
+    a, b = load_svg(options.a), load_svg(options.b)
     content, summary = trial.build_trial_page(
-        load_svg(options.a),
-        load_svg(options.b),
+        a,
+        b,
         load_pairing(options.pairs) if options.pairs else None,
         (shlex.quote(str(options.a)), shlex.quote(str(options.b))),
         trial.TrialOptions(frames, points, *_curve_options(options)),
     )
     save_bytes(options.output, content.encode())
-    return summary
+    return "; ".join(filter(None, [summary, describe_unpainted(a, b)]))
 
 
 def _summarise_morph(result: Morph) -> str:
     """Return a line for the user: numbers of contours and frames of a morph, and where it folds."""
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "
+    if covered := result.count_cover_frames():
+        text += f"pieces cover each other: {format_frame_counts(covered, frames)}; "
     if folded := result.count_fold_frames():
         return text + f"folds: {format_frame_counts(folded, frames)}"
     if all(result.continuous.values()):

@@ -208,6 +208,7 @@ def _candidate(
             "sizes": [stack.shape[1] for stack in stacks],
             "closed": list(morph.closed.values()),
             "folds": int(np.any(list(morph.folds.values()), axis=0).sum()),
+            "covers": max(morph.count_cover_frames().values(), default=0),
         }
         if "paints" not in result:
             result["paints"] = _list_paints(morph)
