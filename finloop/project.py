@@ -143,30 +143,17 @@ class Project:
 
         It stands still, too, where the film shows neither grain nor, if wanted, changes of light.
         """
-        from finloop.render.living import LivingTank
+        from finloop.clip.load_light import load_light_course
+        from finloop.render.living import make_living_tank
 
         key = "living tank", look
         if key not in self._kept:
-            tank, path = None, self.data / "extract" / GRAIN_NAME
-            pictures = [self.background]
-            if look != "still" and path.exists():
-                colour = self.background.ndim == 3
-                pictures = [frame.copy() for frame in read_frames(path, colour=colour)]
-            light = self._light_course() if look == "film" else None
-            if len(pictures) > 1 or light is not None:
-                tank = LivingTank(pictures, light)
-            self._kept[key] = tank
+            path, colour = self.data / "extract" / GRAIN_NAME, self.background.ndim == 3
+            frames = read_frames(path, colour=colour) if look != "still" and path.exists() else ()
+            pictures = [frame.copy() for frame in frames]
+            light = load_light_course(self.data / "clip") if look == "film" else None
+            self._kept[key] = make_living_tank(self.background, pictures, light)
         return self._kept[key]
-
-    def _light_course(self) -> Floats | None:
-        """Return the brightness (frames,) of the clip relative to its mean; None if unknown."""
-        from finloop.clip.check import CHECK, CHECK_NAME
-
-        path = self.data / "clip" / CHECK_NAME
-        if not path.exists():
-            return None
-        light = load_table(path, CHECK, ["light"])["light"].interpolate(limit_direction="both")
-        return None if light.isna().any() else (light / light.mean()).to_numpy(float)
 
     @cached_property
     def scene(self) -> SceneFacts:

@@ -49,6 +49,7 @@ from finloop.bpn.back_propagation import train_on_film_rows
 from finloop.bpn.model import MotionModel, pair_rows_with_later, split_rows_if_possible
 from finloop.calibrate.film import build_film_group
 from finloop.calibrate.rule import explain_missing_fit, fit_school_rule
+from finloop.clip.load_light import load_light_course
 from finloop.clip.rewrite import make_clip
 from finloop.clip.write import open_clip_source
 from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, find_map_rows
@@ -56,7 +57,12 @@ from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
-from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract_tracks
+from finloop.extract.write import (
+    BACKGROUND_NAME,
+    describe_lost_frames,
+    extract_tracks,
+    save_tank_pictures,
+)
 from finloop.features.table import FEATURES, infer_delta_frames, measure_features
 from finloop.forecast.film import compute_film_states, posture_mirror_matrix, split_held_out
 from finloop.forecast.learning import train_predictor
@@ -68,7 +74,7 @@ from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWri
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import apply_schema, load_table
-from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
+from finloop.io.video import CLIP_NAME, GRAIN_NAME, VideoFacts, read_frames
 from finloop.jumps.film import FilmJumps, find_film_jumps
 from finloop.jumps.signature import InMemorySource
 from finloop.jumps.table import JUMPS
@@ -82,6 +88,7 @@ from finloop.plan.load_paths import load_path_lines
 from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, compute_film_poses
 from finloop.render.gallery import Gallery, build_cutout_sets, fish_by_tick
+from finloop.render.living import make_living_tank
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import SOCIAL_STEPS, SchoolRule, SocialSteps, require_rule
 from finloop.sprites.choice import choose_frames, swimmer_table
@@ -126,6 +133,7 @@ class Tracks:
     table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
     frame. cutouts: the n pictures of these fish. background (h, w) or (h, w, 3) uint8: the empty
     tank. given (n rows): columns of `GIVEN`, from another program's tracks of the same rows.
+    tank_pictures: a film of the empty tank with its grain; None if the film shows none.
     """
 
     film: Film
@@ -133,6 +141,7 @@ class Tracks:
     cutouts: CutoutStore
     background: NDArray[np.uint8]
     given: pd.DataFrame | None = None
+    tank_pictures: Path | None = None
 
 
 def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
@@ -186,14 +195,16 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     """
     p, home = settings("extract", **changes), _make_folder(folder) / "extract"
     with whole_folder(home) as temporary:
-        lost = extract_tracks(film.folder, p, temporary, Threads(workers)).lost
-    if lost:
-        warnings.warn(describe_lost_frames(lost, film.facts), stacklevel=2)
+        extraction = extract_tracks(film.folder, p, temporary, Threads(workers))
+        save_tank_pictures(film.folder, temporary, extraction.scene)
+    if extraction.lost:
+        warnings.warn(describe_lost_frames(extraction.lost, film.facts), stacklevel=2)
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))
     background = load_picture(home / BACKGROUND_NAME)
     given_path = home / GIVEN_NAME
     given = load_table(given_path, GIVEN) if given_path.exists() else None
-    return Tracks(film, table, _open_store(home / CUTOUTS_NAME), background, given)
+    cutouts, grain = _open_store(home / CUTOUTS_NAME), home / GRAIN_NAME
+    return Tracks(film, table, cutouts, background, given, grain if grain.exists() else None)
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
@@ -433,7 +444,9 @@ def write_video(
 ) -> None:  # fmt: skip
     """Draw an edit list over the empty tank and write it as an MP4 (H.264), one frame per tick.
 
-    `changes` override crf and shadow_darkness of `finloop.render.settings.RenderSettings`.
+    The tank has the film's grain; tank="still" makes it stand still, tank="film" adds the film's
+    changes of light. `changes` override tank, crf and shadow_darkness of
+    `finloop.render.settings.RenderSettings`.
     """
     p = settings("render", **changes)
     stores = {FRAME: reel.cutouts}
@@ -443,8 +456,13 @@ def write_video(
     gallery = Gallery(build_cutout_sets(stores, tracks.table, reel.sprites), bodies)
     shown_length_px = reel.length_px * float(edit["scale"].median())  # of a fish's body
     shadow = Shadow(share=p.shadow_darkness, blur_px=p.shadow_blur * shown_length_px)
-    painter, rate = Painter(tracks.background, shadow=shadow), tracks.film.facts.frame_rate
+    rate, colour = tracks.film.facts.frame_rate, tracks.background.ndim == 3
+    grain = tracks.tank_pictures if p.tank != "still" else None
+    pictures = [frame.copy() for frame in read_frames(grain, colour=colour)] if grain else []
+    light = load_light_course(tracks.film.folder) if p.tank == "film" else None
+    tank = make_living_tank(tracks.background, pictures, light)
+    painter = Painter(tracks.background, shadow=shadow, tank=tank)
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:
-        for fish in fish_by_tick(edit, gallery):
-            painter.show(*fish)
+        for tick, fish in enumerate(fish_by_tick(edit, gallery)):
+            painter.show(*fish, tick=tick)
             writer.write(painter.frame)

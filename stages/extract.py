@@ -14,37 +14,30 @@ from typing import Any, get_args
 import cv2
 import pandas as pd
 
-from finloop.base.errors import FinloopError, UndecodableError
+from finloop.base.errors import FinloopError
 from finloop.base.finding import Finding
 from finloop.base.parallel import Workers
 from finloop.extract.film import NoTrackError
-from finloop.extract.grain import choose_spans, empty_tank_pictures
 from finloop.extract.join_films import FilmContribution, FishScaling, join_extractions
 from finloop.extract.load_given import find_tracks_path
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
-from finloop.extract.table import SceneFacts
 from finloop.extract.verdict import list_findings
 from finloop.extract.write import (
-    BACKGROUND_NAME,
     Extraction,
     describe_lost_frames,
     extract_tracks,
+    save_tank_pictures,
 )
 from finloop.io.atomic import whole_folder
 from finloop.io.checkpoints import Checkpoints, remove_folders_except
 from finloop.io.footage import read_file_stamps
-from finloop.io.movie import VideoWriter
-from finloop.io.picture import load_picture
 from finloop.io.several import FILMS, JoinedFilm, load_joined_films, load_readable_films
 from finloop.io.table import save_csv
 from finloop.io.video import (
-    CLIP_NAME,
     FACTS_NAME,
     GRAIN_NAME,
-    VideoFacts,
     load_facts,
-    read_frames,
 )
 from stages.cluster import open_workers
 from stages.origins import path_digest
@@ -137,7 +130,10 @@ def _extract_film(
     except NoTrackError:
         checkpoints.remove()  # a new run would find nothing, too
         raise
-    grain_grey = _save_grain(clip, folder, facts, extraction.scene)
+    grain_grey, lack = save_tank_pictures(clip, folder, extraction.scene)
+    if lack:
+        note = f"the empty tank of an animation stands still: {lack}"
+        print(f"finloop: note: {note}", file=sys.stderr)
     for note in describe_used_positions(extraction.given):
         print(f"finloop: note: {note}", file=sys.stderr)
     if extraction.lost:
@@ -148,36 +144,6 @@ def _extract_film(
         )
     grain = {"tank_grain_grey": grain_grey}
     return {"frames": facts.frames, **_extraction_metrics(extraction), **grain}
-
-
-def _save_grain(clip: Path, folder: Path, facts: VideoFacts, scene: SceneFacts) -> float:
-    """Write pictures of the empty tank, from which an animation's tank gets the film's grain.
-
-    Return the grain, grey levels. If the film shows none there is no file, and a note says why: the
-    animation's tank stands still. clip: folder of the film's clip.
-    """
-    background, shape = load_picture(folder / BACKGROUND_NAME), (facts.height_px, facts.width_px)
-    lack = "the film is too short, or its frames are too large"
-    for start, stop in choose_spans(facts.segments, (*shape, 3) if facts.colour else shape):
-        frames = read_frames(clip / CLIP_NAME, colour=facts.colour, start=start, stop=stop)
-        try:
-            found = empty_tank_pictures(
-                frames, background, scene.threshold_grey, scene.typical_length_px
-            )
-        except UndecodableError:
-            lack = "too many frames of the film cannot be decoded"
-            continue
-        if not found.lack:
-            writer = VideoWriter(
-                folder / GRAIN_NAME, *shape[::-1], facts.frame_rate, facts.colour, crf=0
-            )
-            with writer:
-                for picture in found.pictures:
-                    writer.write(picture)
-            return found.grain_grey
-        lack = found.lack
-    print(f"finloop: note: the empty tank of an animation stands still: {lack}", file=sys.stderr)
-    return 0.0
 
 
 def describe_used_positions(numbers: Mapping[str, float]) -> Iterator[str]:

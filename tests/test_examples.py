@@ -67,6 +67,15 @@ def test_the_ten_lines_make_what_the_stages_make(animate_run, tiny, tmp_path, mo
         frames = [frame.to_ndarray(format="gray") for frame in video.decode(video=0)]
     assert len(frames) == len(wanted)
     assert frames[0].shape == names["film"].arena.shape
+    # The tank lives: a film of it beside the tracks is the stage's, and the video has its grain.
+    kept = animate_run / "data/extract/grain.mp4"
+    assert names["tracks"].tank_pictures.read_bytes() == kept.read_bytes()
+    finloop.write_video(
+        "still.mp4", *(names[one] for one in ("edit", "tracks", "reel", "poses")), tank="still"
+    )
+    with av.open("still.mp4") as video:
+        still = [frame.to_ndarray(format="gray") for frame in video.decode(video=0)]
+    assert np.median(np.std(still, axis=0)) < 0.5 < np.median(np.std(frames, axis=0))
     made = [names[one] for one in STEERED]
     for mode in ("crawl", "nn"):
         with pytest.raises(FinloopError, match=f"mode '{mode}'") as refused:

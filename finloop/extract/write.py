@@ -20,6 +20,7 @@ from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
 from finloop.extract.background import Scene
 from finloop.extract.given import ExternalTrackLinker
+from finloop.extract.grain import choose_spans, empty_tank_pictures
 from finloop.extract.load_given import (
     check_external_tracks,
     load_external_tracks,
@@ -37,13 +38,15 @@ from finloop.extract.verdict import (
 from finloop.io.atomic import require_free_space
 from finloop.io.checkpoints import Checkpoints, pack_result
 from finloop.io.cutouts import compressed_size, tracks_writer
-from finloop.io.picture import save_picture
+from finloop.io.movie import VideoWriter
+from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import save_record
 from finloop.io.table import arrow_table
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
     FACTS_NAME,
+    GRAIN_NAME,
     KEY_FRAME_EVERY,
     THREADS,
     VideoFacts,
@@ -145,6 +148,34 @@ def extract_tracks(
     return Extraction(
         scene_facts, verdicts, lengths, jumps_pct, area_range, external_metrics, lost, light_facts
     )
+
+
+def save_tank_pictures(clip: Path, folder: Path, scene: SceneFacts) -> tuple[float, str]:
+    """Write pictures of the empty tank, from which an animation's tank gets the film's grain.
+
+    Return the grain, grey levels, and "". If the film shows none there is no file, the grain is 0,
+    and the text says why: the animation's tank stands still. clip: folder of the film's clip.
+    folder: where `extract_tracks` has written its files. scene: facts that it found.
+    """
+    facts, background = load_facts(clip / FACTS_NAME), load_picture(folder / BACKGROUND_NAME)
+    lack = "the film is too short, or its frames are too large"
+    for start, stop in choose_spans(facts.segments, background.shape):
+        frames = read_frames(clip / CLIP_NAME, colour=facts.colour, start=start, stop=stop)
+        try:
+            found = empty_tank_pictures(
+                frames, background, scene.threshold_grey, scene.typical_length_px
+            )
+        except UndecodableError:
+            lack = "too many frames of the film cannot be decoded"
+            continue
+        if not found.lack:
+            coding = facts.width_px, facts.height_px, facts.frame_rate, facts.colour
+            with VideoWriter(folder / GRAIN_NAME, *coding, crf=0) as writer:
+                for picture in found.pictures:
+                    writer.write(picture)
+            return found.grain_grey, ""
+        lack = found.lack
+    return 0.0, lack
 
 
 def _open_stream(clip: Path, facts: VideoFacts, checkpoints: Checkpoints | None) -> film.ClipStream:

@@ -75,6 +75,18 @@ class LivingTank:
         return min(max(shown + self._step, 0), count - 1)
 
 
+def make_living_tank(
+    background: Picture, pictures: Sequence[Picture], light: Floats | None
+) -> LivingTank | None:
+    """Return a tank with grain and light, as far as they are known; None if it stands still.
+
+    background: its still picture. pictures, light: as in `LivingTank`; [] and None are unknown.
+    """
+    if not len(pictures) and light is None:
+        return None
+    return LivingTank(pictures if len(pictures) else [background], light)
+
+
 def _alike_pictures(pictures: Sequence[Picture]) -> NDArray[np.bool_]:
     """Return which picture (column) may follow which (row) after a jump, (k, k)."""
     step = max(1, round((pictures[0].shape[0] * pictures[0].shape[1] / _SAMPLE_PX) ** 0.5))
