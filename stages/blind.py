@@ -39,7 +39,7 @@ from finloop.realism.blind import (
 )
 from finloop.render.gallery import fish_by_tick
 from finloop.render.painter import Painter, Shadow
-from finloop.render.settings import RenderSettings, TankLook
+from finloop.render.settings import RenderSettings
 from stages.settings import load_settings
 
 PAGE = Path("reports/blind/index.html")
@@ -86,7 +86,7 @@ def write_page(mode: str, seed: int, p: RenderSettings, project: Project) -> Non
             frames = list(
                 join_halves(
                     _film_frames(pair, ticks, project),
-                    _animation_frames(pair, ticks, edits, shadow, p.tank, project),
+                    _animation_frames(pair, ticks, edits, shadow, project),
                     pair,
                     around,
                 )
@@ -120,14 +120,16 @@ def _film_frames(pair: BlindPair, ticks: int, project: Project) -> Iterator[Pict
 
 
 def _animation_frames(
-    pair: BlindPair, ticks: int, edits: Sequence[pd.DataFrame], shadow: Shadow, tank: TankLook,
-    project: Project,
-) -> Iterator[Picture]:  # fmt: skip
-    """Yield the frames of a pair's stretch of animation, drawn as the stage `render` draws them."""
+    pair: BlindPair, ticks: int, edits: Sequence[pd.DataFrame], shadow: Shadow, project: Project
+) -> Iterator[Picture]:
+    """Yield the frames of a pair's stretch of animation, with the film's grain and light.
+
+    Otherwise they are drawn as the stage `render` draws them.
+    """
     first, edit = pair.animation.stretch.first, edits[pair.animation.stretch.scene]
     part = edit[edit["tick"].between(first, first + ticks - 1)]
     part = part.assign(tick=part["tick"] - first)
-    painter = Painter(project.background, shadow=shadow, tank=project.living_tank(tank))
+    painter = Painter(project.background, shadow=shadow, tank=project.living_tank("film"))
     for tick, fish in enumerate(fish_by_tick(part, project.whole_gallery), start=first):
         painter.show(*fish, tick=tick)
         yield painter.frame

@@ -230,7 +230,7 @@ def project(tmp_path, monkeypatch):
         data=real.data, edit_list=real.edit_list, rate_hz=float(RATE), features=features,
         facts=facts, background=np.full((150, 200), 105, np.uint8), whole_gallery=gallery,
         scene=SimpleNamespace(typical_length_px=20.0), drawn_scale=lambda mode: 1.0,
-        living_tank=lambda look: None,
+        living_tank={"film": None}.__getitem__,  # never without the film's light
     )  # fmt: skip
 
 
