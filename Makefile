@@ -33,8 +33,7 @@ demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say wha
 	@echo "  data/tank/tank.html                       the tank in three dimensions, to turn"
 	@echo "  data/render/modes.mp4                     the film and all modes, side by side"
 	@echo "  data/render/hybrid_marked.mp4             mode hybrid on its way to A, B and C"
-	@echo "  reports/modes/render/                     network.png, loops.png, hybrid.png, matching.png: the"
-	@echo "                                            route of each mode, in colours by what is shown"
+	@echo "  reports/modes/render/<mode>.png           the route of each mode, in colours by what is shown"
 	@echo "  reports/modes/render/switches.png         mode hybrid between film and sprites, tick by tick"
 	@echo "  reports/motion/loops/fig11.png            the position table of the video loops"
 	@echo "  data/animate/beside/measures.csv          the measures of all modes, beside the film's own"
@@ -126,11 +125,12 @@ sweep: setup ## make sweep experiment=learning_rate (conf/experiment/), or S="bp
 	@SWEEP='$(subst ','\'',$(value S))' python -m stages.sweep $(experiment)
 
 # By name: of each mode how real it looks and the goals that it reaches; hybrid's seams; the network's error.
-TEN := $(foreach mode,network loops hybrid matching,$(mode)_auc $(mode)_trials_goals_reached_pct) hybrid_seam_ratio_p95 held_out_area_rmse
+MODES = $(shell $(BIN)/python -c 'from finloop.edit.modes import MODES; print(*MODES)')
+CHIEF = $(foreach mode,$(MODES),$(mode)_auc $(mode)_trials_goals_reached_pct) hybrid_seam_ratio_p95 held_out_area_rmse
 NONE :=
 
-runs: setup ## experiments, a row each: changed parameters, the ten numbers that matter;  make runs S="--sort-by hybrid_auc"
-	@COLUMNS=300 dvc exp show --only-changed --drop '^[^.]*$$|.*/|^params' --keep '^(Experiment|Created|$(subst $(NONE) $(NONE),|,$(TEN)))$$' $(S)
+runs: setup ## experiments, a row each: changed parameters, the numbers that matter;  make runs S="--sort-by hybrid_auc"
+	@COLUMNS=300 dvc exp show --only-changed --drop '^[^.]*$$|.*/|^params' --keep '^(Experiment|Created|$(subst $(NONE) $(NONE),|,$(CHIEF)))$$' $(S)
 
 lint: setup ## style, types, and which room may import which
 	@ruff check

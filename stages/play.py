@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import finloop.live
-from finloop.edit.modes import MODES, PAPER
+from finloop.edit.modes import MODES, ONE_FISH
 from finloop.edit.pictures import cross_fade_distance
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.message import MOST_FISH
@@ -84,7 +84,7 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
 
         if "matching" in players:
             warm_up_paths(players["matching"])
-        default_count = 1 if mode in PAPER else min(load_settings("matching").fish, MOST_FISH)
+        default_count = 1 if mode in ONE_FISH else min(load_settings("matching").fish, MOST_FISH)
         fish_count_wanted = fish_count or default_count
         tank = LiveTank(players, mode, fish_count_wanted, seed, is_ghost)
         if len(tank.fish) < fish_count_wanted:

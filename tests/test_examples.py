@@ -17,7 +17,6 @@ from toy_swim import MIRROR, RATE, random_swimmer, unseen
 import finloop
 from finloop import verbs
 from finloop.base.errors import FinloopError
-from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
 from finloop.io.table import load_table
 from finloop.jumps.film import FilmJumps
@@ -80,7 +79,7 @@ def test_the_ten_lines_make_what_the_stages_make(animate_run, tiny, tmp_path, mo
     for mode in ("crawl", "nn"):
         with pytest.raises(FinloopError, match=f"mode '{mode}'") as refused:
             verbs.steer(*made, mode=mode)
-        assert all(one in refused.value.wanted for one in MODES)
+        assert all(one in refused.value.wanted for one in verbs.GROUPS_OF)
     with pytest.raises(FinloopError, match=r"hybrid\.path: unknown; it is matching\.path now"):
         verbs.steer(*made, path="way.csv")
     with pytest.raises(FinloopError, match=r"the argument school_rule of steer\(\) now"):

@@ -9,11 +9,10 @@ from toy_film import (
     DELTA,
     RATE,
     bodies_of,
-    film_world_of,
     gateways,
     hybrid_of,
-    matching_of,
     paper_player,
+    player_of,
     rich_film,
 )  # fmt: skip
 
@@ -158,17 +157,10 @@ def test_what_no_animal_of_the_film_can_do_is_not_drawn():
     assert far.clamped.all() and SHAPES.is_far_from_film(far.codes).all()
 
 
-def joined_by(mode, kind):
-    """A player of a mode whose pictures follow on each other in a way."""
-    if mode == "matching":
-        return matching_of(film_world_of(join=kind))
-    return paper_player(hybrid_of() if mode == "hybrid" else getattr(hybrid_of(), mode), kind)
-
-
 @pytest.mark.parametrize("mode", MODES)
 def test_joins_change_how_pictures_are_drawn_and_nothing_else(mode):
     lists = {
-        kind: plan_edit_list(joined_by(mode, kind), [], 600, np.random.default_rng(2))
+        kind: plan_edit_list(player_of(mode, join=kind), [], 600, np.random.default_rng(2))
         for kind in (INERTIAL, FADE, CUT)
     }
     inertial, fade, cut = lists.values()

@@ -26,13 +26,12 @@ from finloop.edit.measures import (
     picture_kinds,
     turn_measures,
 )
-from finloop.edit.modes import MODES, PAPER
+from finloop.edit.modes import MODES, ONE_FISH
 from finloop.edit.schema import ACCELERATE, FADE, FRAME, SPRITE, STATES, STRAIGHT, VERDICTS, Goal
 from finloop.edit.schema import FILM as IN_FILM
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import find_orientations, orientation_heading_deg, wrap_deg
 from finloop.loops.positions import quadrant_of_displacement
-from finloop.modes.hybrid import Hybrid
 from finloop.modes.loops import mark_loop_ends
 from finloop.modes.network import Network
 from finloop.modes.sprites import plan_turn
@@ -70,11 +69,10 @@ def player_in(mode, pose=BODY, **changes):
     film = posed_film(pose)[0]
     if mode == "loops":
         return toy.paper_player(toy.loops_of(film, **changes))
-    if mode == "network":
-        return toy.paper_player(toy.network_of(**changes))
     if mode == "matching":
         return toy.matching_of(toy.film_world_of(film, **changes))
-    return toy.paper_player(toy.hybrid_of(film, gates=posed_gateways(pose)))
+    assert not changes
+    return toy.player_of(mode, toy.film_world_of(film), posed_gateways(pose))
 
 
 def in_film(film, rng, room=None):
@@ -147,7 +145,7 @@ def test_a_seed_gives_one_animation_and_another_seed_another(mode):
 
 
 @pytest.mark.parametrize(
-    ("mode", "pose"), [*product(PAPER[1:], (BODY, FILM)), ("network", BODY), ("matching", BODY)]
+    ("mode", "pose"), [*product(MODES, [BODY]), *product(("loops", "hybrid"), [FILM])]
 )
 def test_never_outside_the_tank(mode, pose):
     player = player_in(mode, pose)
@@ -161,17 +159,11 @@ def test_never_outside_the_tank(mode, pose):
 
 def player_of_a_film_at(rate, mode):
     """A player of a mode, by a film that is said to be of another frame rate."""
+    taught = replace(toy.lesson(), rate_hz=rate)
     if mode == "matching":
         taught = toy.learnt(toy.lessons(), rate)
-        return toy.matching_of(
-            toy.film_world_of(toy.film_of(*toy.rich(), taught=taught), taught=taught)
-        )
-    taught = replace(toy.lesson(), rate_hz=rate)
-    world = toy.world_of(taught=taught)
-    network = Network(world, toy.order(rate), toy.phases(rate), toy.Model(), settings("network"))
-    made = toy.hybrid_of(toy.film_of(*toy.rich(), taught=taught), world)
-    made = Hybrid(network, made.loops, made.gateways)
-    return toy.paper_player(made if mode == "hybrid" else getattr(made, mode))
+    film = toy.film_of(*toy.rich(), taught=taught)
+    return toy.player_of(mode, toy.film_world_of(film, taught=taught))
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -206,9 +198,9 @@ def test_every_mode_goes_on_from_the_state_of_any_other(mode):
         assert stretch.kind == kinds.get(mode, stretch.kind)
 
 
-@pytest.mark.parametrize("mode", PAPER)
+@pytest.mark.parametrize("mode", ONE_FISH)
 def test_a_path_is_refused(mode):
-    with pytest.raises(FinloopError, match="a path, in a mode of the paper"):
+    with pytest.raises(FinloopError, match="a path, in a mode of one fish"):
         player_in(mode).begin(np.random.default_rng(0), Route(*[None] * len(Route._fields)))
 
 
@@ -757,7 +749,7 @@ def test_a_sprite_has_an_orientation_and_a_frame_has_none():
 
 
 @pytest.mark.parametrize(
-    ("mode", "ticks"), [*((m, None) for m in PAPER), *product(["matching"], [0, 3])]
+    ("mode", "ticks"), [*((m, None) for m in ONE_FISH), *product(["matching"], [0, 3])]
 )
 def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode, ticks):
     changes = {}

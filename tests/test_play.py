@@ -28,7 +28,7 @@ from finloop.animate.obstacles import Plans
 from finloop.animate.shoal import animate_fish
 from finloop.base.errors import FinloopError
 from finloop.edit.build import build_edit_list
-from finloop.edit.modes import MODES, PAPER
+from finloop.edit.modes import MODES, ONE_FISH
 from finloop.edit.schema import FRAME, PATH, SPRITE, TERMS, TURN
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
@@ -206,7 +206,7 @@ def test_modes_are_changed_from_each_to_each_while_it_swims():
         before = np.array([tank.fish[0].row_at(tank.tick)[:-1]], ROW)
 
 
-@pytest.mark.parametrize("mode", PAPER)
+@pytest.mark.parametrize("mode", ONE_FISH)
 def test_a_mode_of_the_paper_drops_the_plan_of_matching(mode):
     """It moves the fish to where that plan does not begin, if only for a tick."""
     players, rng = toy_players(), np.random.default_rng(3)
@@ -244,7 +244,7 @@ def test_a_mode_that_the_film_does_not_allow_is_refused():
 
 def test_a_mode_of_the_paper_moves_one_fish_to_goals():
     tank = LiveTank(toy_players(), "matching", 2, 1)
-    for mode in PAPER:
+    for mode in ONE_FISH:
         with pytest.raises(FinloopError, match=f"mode {mode} cannot do 2 fish"):
             tank.switch_mode(mode)
         assert "one fish" in tank.explain_unavailable_mode(mode)
@@ -269,7 +269,7 @@ def test_the_view_tells_every_mode_and_why_one_cannot_be_had():
     view = view_of("matching", fish=2)
     told = {one["name"]: one for one in view.describe_tick(0)["modes"]}
     assert list(told) == list(MODES)
-    assert [name for name, one in told.items() if one["lack"]] == [*PAPER]
+    assert [name for name, one in told.items() if one["lack"]] == [*ONE_FISH]
     assert all(told[name]["title"] == facts.title for name, facts in MODES.items())
     say(view, do="mode", mode="loops")
     assert "one fish" in view.refused or "2 fish" in view.refused
@@ -346,7 +346,7 @@ def test_what_was_weighed_is_told_with_its_costs():
 
 @pytest.mark.parametrize("mode", MODES)
 def test_left_alone_it_swims_on_from_the_past_as_it_did(mode):
-    many = 1 if mode in PAPER else 2
+    many = 1 if mode in ONE_FISH else 2
     tank = LiveTank(toy_players(), mode, many, 4, lambda row: row.weight < 0.5)
     played_rows(tank, 40)
     tank.send_to_goal(None, 600.0, 400.0)

@@ -19,7 +19,7 @@ from websockets.sync.client import connect
 
 import finloop.live.server as served
 from finloop.base.errors import FinloopError
-from finloop.edit.modes import MODES, PAPER
+from finloop.edit.modes import MODES, ONE_FISH
 from finloop.live import fish as play_fish
 from finloop.live.message import LONGEST, MOST_PLACES, parse_message
 from finloop.live.server import BEHIND, PageClient, TankHost, create_tank_server
@@ -443,7 +443,7 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         wait(f"{said} && {rows}.filter(row => row.className === 'taken').length === 1")
         page.select_option("#count", "2")
         wait("state.fish[1]")
-        for mode in PAPER:
+        for mode in ONE_FISH:
             assert page.locator(f'[data-mode="{mode}"]').is_disabled()
             assert "one fish" in page.locator(f'[data-mode="{mode}"]').get_attribute("title")
         page.select_option("#lead", "1")

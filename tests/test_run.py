@@ -17,6 +17,7 @@ from conftest import alive, wait_for
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import WORDS
+from finloop.edit.modes import MODES
 from finloop.io.numbers import load_numbers
 from finloop.report.headlines import HEADLINES, METRICS
 from stages import run as door
@@ -135,7 +136,7 @@ def test_headlines_are_few_and_in_words():
             headlines
         ), word
         assert all(one.meaning and len(one.meaning) <= 80 for one in headlines)
-    assert set(HEADLINES) | {"network", "loops", "hybrid", "matching", "cluster"} >= set(WORDS)
+    assert {*HEADLINES, *MODES, "cluster"} >= set(WORDS)
 
 
 def test_what_dvc_compares_are_headlines_and_fits_one_screen():

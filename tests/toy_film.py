@@ -7,6 +7,9 @@ Positions are px, y down; angles degrees, anticlockwise.
 
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,6 +27,7 @@ from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
 from finloop.edit.build import build_edit_list
 from finloop.edit.joins import resolve_join_rules
+from finloop.edit.modes import MODES
 from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
@@ -328,8 +332,8 @@ def world_of(room_=None, taught=None) -> World:
 
 def network_of(world=None, model=None, **changes) -> Network:
     world = world_of() if world is None else world
-    p = settings("network", **changes)
-    return Network(world, order(), phases(), Model() if model is None else model, p)
+    rate, p = world.motion.rate_hz, settings("network", **changes)
+    return Network(world, order(rate), phases(rate), Model() if model is None else model, p)
 
 
 def loops_of(film_=None, world=None, **changes) -> Loops:
@@ -354,13 +358,49 @@ def paper_player(mode: PaperMode, join="fade", hulls=(HULL, HULL)) -> PaperPlaye
     return PaperPlayer(mode, world, frames, kept, cast_of(film_, hulls), how)
 
 
+def project_of(world: World) -> Any:
+    """What a stage of a mode reads of a `Project`: the rich film, in a world."""
+    features, pairs = rich()
+    reel = SimpleNamespace(
+        features=features, lengths_px=features["body_length_px"].to_numpy(), scale=1.0,
+        sprites=sprites(),
+    )  # fmt: skip
+    film_data = SimpleNamespace(
+        map_facts=SimpleNamespace(step_median=1.0, frame_of_reference=BODY), natural_step=1.0
+    )
+    assets = SimpleNamespace(
+        film_data=film_data, world=world, silhouettes=cast_of(rich_film()),
+        scaled=SimpleNamespace(reel=reel, barred=np.zeros(len(features), bool)),
+        pictures=SimpleNamespace(reel=reel, bodies=bodies_of(rich_film())),
+    )  # fmt: skip
+    return SimpleNamespace(
+        settings=settings, film_assets=assets, sprite_assets=assets, features=features,
+        loops=pairs, gateways=gateways(), network_mode=network_of(world), rate_hz=world.motion.rate_hz,
+    )  # fmt: skip
+
+
+def player_of(
+    mode: str, own_world: FilmWorld | None = None, gates=None, join="fade", hulls=(HULL, HULL)
+) -> AnyPlayer:
+    """The player of a mode; of one that this file does not name, as its stage opens it."""
+    own_world = film_world_of(join=join) if own_world is None else own_world
+    film_, world = own_world.film, world_of(own_world.tank, own_world.motion)
+    match mode:
+        case "network":
+            return paper_player(network_of(world), join, hulls)
+        case "loops":
+            return paper_player(loops_of(film_, world), join, hulls)
+        case "hybrid":
+            return paper_player(hybrid_of(film_, world, gates), join, hulls)
+        case "matching":
+            return matching_of(own_world, hulls)
+    player = import_module(f"stages.modes.{mode}").open_mode(project_of(world)).player
+    rules = resolve_join_rules(settings("animate"), join, bodies_of(film_), DELTA)
+    return replace(player, joins=rules, silhouettes=cast_of(film_, hulls))
+
+
 def players_of(own_world=None, gates=None, hulls=(HULL, HULL)) -> dict[str, AnyPlayer]:
-    own_world = film_world_of() if own_world is None else own_world
-    world = world_of(own_world.tank, own_world.motion)
-    hybrid = hybrid_of(own_world.film, world, gates)
-    modes = {"network": hybrid.network, "loops": hybrid.loops, "hybrid": hybrid}
-    paper = {name: paper_player(mode, hulls=hulls) for name, mode in modes.items()}
-    return paper | {"matching": matching_of(own_world, hulls)}
+    return {mode: player_of(mode, own_world, gates, hulls=hulls) for mode in MODES}
 
 
 @cache

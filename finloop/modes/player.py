@@ -90,7 +90,7 @@ class PaperPlayer:
         """Return the state of a fish at a random place; FinloopError if given a route."""
         if route is not None:
             raise FinloopError(
-                "a path, in a mode of the paper",
+                "a path, in a mode of one fish",
                 "goals, or none: in these modes the fish swims to goals, or wanders",
                 "switch to mode matching, the only one that follows paths",
             )

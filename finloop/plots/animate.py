@@ -9,11 +9,9 @@ from matplotlib.figure import Figure
 
 from finloop.animate.measures import FILM_MOTION, kinematic_distance
 from finloop.base.arrays import Floats
+from finloop.edit.modes import COLOURS
 from finloop.edit.schema import STATES
 
-COLOURS = (  # Okabe-Ito: of the modes, in the order of `finloop.edit.modes`; three are spare
-    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442",
-)  # fmt: skip
 _FILM = "0.35"
 
 

@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
 from finloop.base.arrays import Picture
+from finloop.edit.modes import COLOURS
 from finloop.plan.path_measures import root_mean_square
-from finloop.plots.animate import COLOURS
 
 _REQUESTED = "0.2"
 

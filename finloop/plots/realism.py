@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from finloop.base.arrays import Floats, Picture
-from finloop.plots.animate import COLOURS
+from finloop.edit.modes import COLOURS
 from finloop.realism.examples import ANIMATION, FILM, SIDES
 from finloop.realism.windows import AGAIN, CHANNELS, HALVES
 

@@ -43,7 +43,7 @@ class Chapter(NamedTuple):
 
 SWIM = Chapter(
     "swimming", "Where it swims, and how", FISH,
-    "The fish swims from goal to goal in four modes: the paper's network, loops and hybrid, and "
+    "The fish swims from goal to goal in every mode: the paper's network, loops and hybrid, and "
     "finloop's own, matching. Orange is film as filmed, yellow film bent into another pose, pink "
     "the mirror image of film, blue a sprite, green a predicted pose.", (
         Figure("modes/render/network.png", "Fig. 16", "Network: the path through the goals",
@@ -68,7 +68,7 @@ SWIM = Chapter(
                "picture that fades out.",
                "Rows of eight successive pictures of the fish around each switch."),
         Figure("modes/animate/kinematics.png", "", "Speed and turning, against the film",
-               "Speed and turn rate of the fish in the four modes and in the film (grey). Outlines "
+               "Speed and turn rate of the fish in all modes and in the film (grey). Outlines "
                "near the grey are good.",
                "Histograms of speed and turn rate of film and animations; bars of the time spent "
                "in each state."),
@@ -86,13 +86,13 @@ SWIM = Chapter(
                "fish moves. An area of 0.5: it cannot. For comparison: one half of the film "
                "against the other, and the film drawn again. On the right, the area of each "
                "channel alone; whiskers are 95 % intervals.",
-               "ROC curves of the four modes and of the film's halves; bars of the areas for all "
+               "ROC curves of all modes and of the film's halves; bars of the areas for all "
                "channels and for each alone."),
         Figure("modes/realism/picture_auc.png", "", "Told by its picture",
                "The same by crops of the pictures, the film's with its own light and grain. Crop "
                "and crop change, on the right: a small network looks at single crops and at their "
                "changes from tick to tick.",
-               "ROC curves of the four modes and of the film's halves; bars of the areas for all "
+               "ROC curves of all modes and of the film's halves; bars of the areas for all "
                "channels of the pictures, for each alone, and for a network."),
         Figure("modes/realism/looks.png", "", "Where the network looks",
                "Bright: pixels that count most in the most obvious crops of each mode. Under the "
