@@ -7,6 +7,7 @@ up; the grey of its background says which frame it is.
 import hashlib
 import io
 import math
+import re
 import subprocess
 import sys
 import zipfile
@@ -1396,6 +1397,37 @@ def test_a_film_that_was_cut_off_lacks_frames_and_the_report_says_so(
     assert 1 <= metrics["frames_missing"] <= 30 - metrics["frames"]
     findings = pd.read_csv(stage.CLIP / "findings.csv").set_index("what")
     assert "missing or damaged" in findings.loc["missing", "measured"]
+
+
+def losses(path: Path, rate: float | None = None) -> tuple[int, int, tuple[str, ...]]:
+    """How many frames of a film are read, how many are lost, and its notes."""
+    footage, lost = open_footage(path, frame_rate_hz=rate), LostFrames()
+    return len(list(footage.stream_numbered(lost))), lost.lost_frames, footage.notes
+
+
+@pytest.mark.parametrize(
+    ("ending", "codec"), [(".mpg", "mpeg2video"), (".mjpeg", "mjpeg"), (".ts", "mpeg2video")]
+)
+def test_wherever_a_film_is_cut_off_frames_are_lost_and_no_more_than_lack(tmp_path, ending, codec):
+    pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+    path = make_film(tmp_path / f"film{ending}", goldfish(20), codec=codec, pix_fmt=pix_fmt)
+    whole, rate = path.read_bytes(), 25.0 if ending == ".mjpeg" else None
+    assert losses(path, rate)[:2] == (20, 0)
+    for share in (0.5, 0.55, 0.62, 0.68):  # later, an .mpg of few frames only has padding
+        path.write_bytes(whole[: int(share * len(whole))])
+        count, lost, _ = losses(path, rate)
+        assert 1 <= lost <= 20 - count
+
+
+def test_a_transport_stream_may_begin_anywhere(tmp_path):
+    path = make_film(tmp_path / "film.ts", goldfish(30), codec="mpeg2video", gop=10)
+    whole = path.read_bytes()
+    path.write_bytes(whole[100:])  # within the table of contents
+    assert losses(path)[:2] == (30, 0)
+    path.write_bytes(whole[len(whole) // 5 :])  # behind the first key frame
+    count, lost, notes = losses(path)
+    assert count == 20 and lost == 0
+    assert re.search(r"first \d frames cannot be decoded, as no key frame", notes[0])
 
 
 @pytest.mark.parametrize("rate", [25, 1000, 2000, 4000])

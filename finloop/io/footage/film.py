@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from fractions import Fraction
 from itertools import islice, repeat
+from os import SEEK_END
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,7 +58,9 @@ HD_HEIGHT = 720  # from here on, a film that does not state its colour matrix ha
 _FIRST_BYTES, _ARCHIVES = 60, (b"PK\3\4", b"\x1f\x8b", b"7z\xbc\xaf", b"Rar!")  # zip, gz, 7z, rar
 _LUMA_FIRST = ("yuv4", "yuvj4", "yuva4", "nv1", "nv2", "gray")  # formats whose plane 0 is Y
 _TRANSPORT_PACKETS = 188, 192, 204  # bytes: of MPEG-TS, of camcorders, with error correction
+_SYNC, _SYNCS = 0x47, 5  # first byte of each packet; how many packets at the end are looked at
 _HALF = 2**15  # of 16 bits; YUV that stays below does not fill its bits
+_JPEG_END, _JPEG_PADDING = b"\xff\xd9", 64  # marker; bytes in which it must be, zeros may follow
 _YUV = ("yuv", "nv", "uyvy", "yvyu", "p0")  # formats of brightness and two colour differences
 
 # What PyAV raises where a container cannot be read on; the second if damage looks like the
@@ -119,29 +122,37 @@ def _picture_streams(container: InputContainer) -> list[VideoStream]:
     return [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
 
 
-def _read_time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
+def _read_time_stamps(
+    container: InputContainer, stream: VideoStream
+) -> tuple[np.ndarray, int, bool]:
     """Return the frames' time stamps [s], ascending, and how many frames the film says it has.
 
-    Nothing is decoded. A complete index of the file suffices: it holds the times at which frames
-    are decoded, perhaps some frames early, but with the same gaps. Without an index, or if the file
-    marks frames that a player shall not show, all packets are read.
+    The third value says whether the stamps are the times at which frames are shown. Nothing is
+    decoded. A complete index of the file suffices: it holds the times at which frames are decoded,
+    perhaps some frames early, but with the same gaps. Without an index, or if the file marks frames
+    that a player shall not show, all packets are read.
     """
     index = stream.index_entries
     if 0 < stream.frames == len(index) and not any(entry.is_discard for entry in index):
-        stamps, promised = [entry.timestamp for entry in index], len(index)
+        stamps, promised, are_shown = [entry.timestamp for entry in index], len(index), False
     else:
-        stamps, promised = _read_packet_stamps(container, stream)
-    return np.sort(np.array(stamps, np.float64)) * float(stream.time_base or 1), promised
+        stamps, promised, are_shown = _read_packet_stamps(container, stream)
+    seconds = np.sort(np.array(stamps, np.float64)) * float(stream.time_base or 1)
+    return seconds, promised, are_shown
 
 
-def _read_packet_stamps(container: InputContainer, stream: VideoStream) -> tuple[list[int], int]:
+def _read_packet_stamps(
+    container: InputContainer, stream: VideoStream
+) -> tuple[list[int], int, bool]:
     """Return the time stamps of all packets of a film, and how many frames the film says it has.
 
-    A stamp counts in the stream's time base. Frames that a player shall not show are left out. A
-    raw stream (.h264, .hevc) has no stamps: then each packet counts as a frame.
+    The third value says whether every stamp is a time at which a frame is shown. A stamp counts in
+    the stream's time base. Frames that a player shall not show are left out. A raw stream (.h264,
+    .hevc) has no stamps: then each packet counts as a frame.
     """
     stamps: list[int] = []
     packets = discarded = end = 0
+    are_shown = True
     with suppress(*_BROKEN_OFF):  # `_read_film_frames` counts what is missing
         for packet in container.demux(stream):
             stamp = packet.dts if packet.pts is None else packet.pts
@@ -149,11 +160,12 @@ def _read_packet_stamps(container: InputContainer, stream: VideoStream) -> tuple
             discarded += packet.is_discard
             if packet.size and stamp is not None and not packet.is_discard:
                 stamps.append(stamp)
+                are_shown &= packet.pts is not None
                 end = max(end, stamp + (packet.duration or 0))
     if not stamps:
-        return [], packets
+        return [], packets, False
     cut_off = _count_cut_off_frames(container, stream, np.sort(stamps), end)
-    return stamps, max(len(stamps) + cut_off, stream.frames - discarded)
+    return stamps, max(len(stamps) + cut_off, stream.frames - discarded), are_shown
 
 
 def _count_cut_off_frames(
@@ -161,12 +173,14 @@ def _count_cut_off_frames(
 ) -> int:
     """Return how many frames a film lacks at its end, by what its file says without an index.
 
-    Matroska states how long a stream is, in a tag. A transport stream consists of packets of equal
-    size; if the file ends within one, at least a frame is lost. stamps (n,), ascending, and end, of
+    Matroska states how long a stream is, in a tag. Streams of MPEG consist of packets; if the file
+    ends within one, at least a frame is lost. stamps (n,), ascending, and end, of
     the last frame that is there: in the stream's time base.
     """
     if container.format.name == "mpegts":
-        return int(all(container.size % packet_bytes for packet_bytes in _TRANSPORT_PACKETS))
+        return int(not _ends_with_whole_packets(Path(container.name)))
+    if container.format.name == "mpeg":
+        return int(_ends_within_picture_packet(Path(container.name)))
     stated = re.fullmatch(r"(\d+):(\d\d):(\d\d\.\d+)", stream.metadata.get("DURATION", ""))
     if stated is None or stamps[0] == stamps[-1]:
         return 0
@@ -174,6 +188,35 @@ def _count_cut_off_frames(
     stated_end = (3600 * hours + 60 * minutes + seconds) / float(stream.time_base or 1)
     step = (stamps[-1] - stamps[0]) / (len(stamps) - 1)  # not the median: it may be rounded to 0
     return max(0, round((stated_end - end - 1) / step))  # 1: stamps are rounded, too
+
+
+def _ends_with_whole_packets(path: Path) -> bool:
+    """Return whether the last packet of a transport stream is whole, by the sync bytes before it.
+
+    The first packet may be cut: a recorder may begin anywhere.
+    """
+    end = _read_end(path, _SYNCS * _TRANSPORT_PACKETS[-1])
+    # Packets of 192 bytes begin with 4 bytes of time.
+    syncs = [end[4 * (size == 192) - size :: -size][:_SYNCS] for size in _TRANSPORT_PACKETS]
+    return any(set(found) == {_SYNC} for found in syncs)
+
+
+def _ends_within_picture_packet(path: Path) -> bool:
+    """Return whether the last packet of pictures in a program stream (.mpg) is cut off.
+
+    Such a packet begins with 0, 0, 1, 224 … 239, and its length in two bytes; 0 is unknown.
+    """
+    end = _read_end(path, 2**17)  # a packet has 2**16 bytes at most
+    starts = [match.start() for match in re.finditer(rb"\0\0\x01[\xe0-\xef]..", end, re.DOTALL)]
+    length = int.from_bytes(end[starts[-1] + 4 :][:2]) if starts else 0
+    return length > 0 and starts[-1] + 6 + length > len(end)
+
+
+def _read_end(path: Path, count: int) -> bytes:
+    """Return the last bytes of a file, `count` at most."""
+    with path.open("rb") as file:
+        file.seek(-min(path.stat().st_size, count), SEEK_END)
+        return file.read()
 
 
 def _list_picture_notes(
@@ -315,7 +358,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     frames will be RGB; None = where the film has colours.
     """
     with open_stream(path) as (container, stream):
-        stamps, promised = _read_time_stamps(container, stream)
+        stamps, promised, are_shown = _read_time_stamps(container, stream)
         rates = stream.average_rate, stream.guessed_rate, stream.base_rate
         stated = [stated_rate for stated_rate in rates if stated_rate]
         aspect = stream.sample_aspect_ratio or Fraction(1)
@@ -333,6 +376,10 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     frame_rate = rate or film_rate
     full_range = coding.outside > OUTSIDE_FRACTION  # too many pixels far outside 16 … 235
     notes = _list_picture_notes(coding, aspect, streams, full_range)
+    if are_shown and (early := int(np.searchsorted(stamps, coding.first_s - 0.5 / film_rate))):
+        says = f"the first {early} frames cannot be decoded, as no key frame comes before them"
+        notes = [says, *notes]
+        stamps, promised = stamps[early:], promised - early
     times = stamps - stamps[0] if rate is None else np.arange(stamps.size) / float(rate)
     if rate is not None and rate != film_rate:
         says = f"the file says {float(film_rate):g} frames/s"
@@ -364,8 +411,12 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
 
 
 def _decode_film(container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame | None]:
-    """Yield a film's frames from its present position on, with None for each damaged one."""
-    packets = container.demux(stream)
+    """Yield a film's frames from its present position on, with None for each damaged one.
+
+    A JPEG that is cut off is shown grey below; it counts as damaged if earlier ones end as a whole
+    one does.
+    """
+    packets, is_jpeg, ended = container.demux(stream), stream.codec.name == "mjpeg", False
     while True:
         try:
             packet = next(packets, None)
@@ -373,8 +424,12 @@ def _decode_film(container: InputContainer, stream: VideoStream) -> Iterator[Vid
             return  # `_read_film_frames` counts what is missing
         if packet is None:
             return
+        is_cut_off = False
+        if is_jpeg and packet.size:
+            has_end = _JPEG_END in bytes(packet)[-_JPEG_PADDING:]
+            is_cut_off, ended = ended and not has_end, ended or has_end
         try:
-            frames = [None] if packet.is_corrupt else packet.decode()
+            frames = [None] if packet.is_corrupt or is_cut_off else packet.decode()
         except av.error.FFmpegError:
             frames = [None]
         for frame in frames:
@@ -394,7 +449,7 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
         if footage.fields:
             frames = _deinterlace(frames, stream, footage.fields)
         # Time of the last good frame, and how many frames before it are damaged.
-        last_good_s, damaged_before = -step_s, 0
+        good, last_good_s, damaged_before = 0, -step_s, 0
         for time_s, number, frame in _time_good_frames(frames, stream, footage, loss):
             last_good_s, damaged_before = time_s, loss.damaged
             if (frame.width, frame.height) != footage.coded_size:
@@ -404,14 +459,16 @@ def _read_film_frames(footage: Footage, loss: LostFrames) -> NumberedFrames:
                 # After a seek, frames are not counted from the film's first one.
                 if stamps.size and frame.pts is not None:
                     number = int(np.searchsorted(stamps, frame.pts))
+                good += 1
                 yield time_s, (number, _upright_picture(footage, frame))
             elif time_s >= footage.start_s:  # the end of the range of time is passed
                 return
         # The film has ended before its range of time. Some of the frames that lack after the last
-        # good one may be damaged: those are counted already.
+        # good one may be damaged: those are counted already, even before it, as a decoder is late.
         promised_s = min(footage.last_s, footage.end_s - step_s)
-        lacking = round((promised_s - last_good_s) / step_s)
-        loss.missing_at_end = max(0, lacking - (loss.damaged - damaged_before))
+        lacking = round((promised_s - last_good_s) / step_s) - (loss.damaged - damaged_before)
+        unread = round((promised_s - footage.start_s) / step_s) + 1 - good - loss.damaged
+        loss.missing_at_end = max(0, min(lacking, unread))
 
 
 def _sample_film(footage: Footage, length: int) -> Iterator[list[np.ndarray]]:
