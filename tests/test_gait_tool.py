@@ -1,11 +1,13 @@
 """The command `python -m finloop.gait`."""
 
 import json
+import re
 import subprocess
 import sys
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT
 from scratch import save_svg
@@ -96,6 +98,18 @@ def test_a_gallop_takes_four_key_poses(tmp_path, capsys):
     ):
         assert main([*given, "--gait", gait, "-o", str(out), *SMALL]) == 1
         assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("animal", "ear"), [("dog", "ear"), ("cat", "ear_near")])
+def test_a_trot_moves_both_drawings_whose_feet_stand(tmp_path, animal, ear, capsys):
+    keys = [str(ROOT / f"data/drawings/{animal}_{key}.svg") for key in (1, 2)]
+    out = tmp_path / "out.json"
+    assert main([*keys, "--gait", "dog_trot", "-o", str(out), *SMALL]) == 0
+    slide = float(re.search(r"feet slide ([\d.e-]+) %", capsys.readouterr().out)[1])
+    assert slide < 0.5
+    first, _, half, _ = json.loads(out.read_text())["frames"]
+    moved = abs(np.subtract(first["layers"][ear], half["layers"][ear])).max()
+    assert moved < 1  # what names no side is where it was after half a cycle
 
 
 def test_an_animated_picture_goes_on_from_its_last_frame_to_its_first(tmp_path):

@@ -114,15 +114,21 @@ def draw_drawings() -> None:
     """Save a morph and drawings driven by a gait, by the commands of the guide."""
     swim = ["--gait", "trout", "--frames", "24", "--rate", "30"]
     gallop = ["--gait", "horse_gallop", "--frames", "20", "--rate", "30"]
-    drawings = {
-        "morph": ("morph", ["face_a", "face_b"], ["--frames", "36", "--back"]),
-        "dog": ("gait", ["dog_1", "dog_2"], ["--gait", "dog_walk"]),
-        "dog_trot": ("gait", ["dog_1", "dog_2"], ["--gait", "dog_trot"]),
-        "fish": ("gait", ["fish_1", "fish_2"], swim),
-    } | {
-        f"{animal}_gallop": ("gait", [f"{animal}_gallop_{key}" for key in (1, 2, 3, 4)], gallop)
-        for animal in ("dog", "cat")
-    }
+    drawings = (
+        {
+            "morph": ("morph", ["face_a", "face_b"], ["--frames", "36", "--back"]),
+            "dog": ("gait", ["dog_1", "dog_2"], ["--gait", "dog_walk"]),
+            "fish": ("gait", ["fish_1", "fish_2"], swim),
+        }
+        | {
+            f"{animal}_trot": ("gait", [f"{animal}_1", f"{animal}_2"], ["--gait", "dog_trot"])
+            for animal in ("dog", "cat")
+        }
+        | {
+            f"{animal}_gallop": ("gait", [f"{animal}_gallop_{key}" for key in (1, 2, 3, 4)], gallop)
+            for animal in ("dog", "cat")
+        }
+    )
     for name, (tool, poses, how) in drawings.items():
         keys = [str(ROOT / f"data/drawings/{pose}.svg") for pose in poses]
         output = ["-o", str(PICTURES / f"{name}.webp"), "--size", str(PANEL_PX)]
