@@ -101,7 +101,7 @@ def mark_rows(marks: int, first: int, last: int) -> int:
     """Add rows first … last to a set of rows that is kept as 64 bits; return the set.
 
     Each bit stands for 32 rows, and for those 2048, 4096 … rows farther on. A row whose bit is 0 is
-    not in the set; a row whose bit is 1 may be in it.
+    not in the set; a row whose bit is 1 may be in it. marks: the set.
     """
     for group in range(first >> _MARK_BITS, (last >> _MARK_BITS) + 1):
         marks |= 1 << (group & 63)
@@ -110,10 +110,10 @@ def mark_rows(marks: int, first: int, last: int) -> int:
 
 @kernel
 def remember_rows(memory: Ints, first: int, last: int, tick: int, forget_tick: float) -> Ints:
-    """Return a memory to which rows first … last, shown one by one from `tick` on, are added.
+    """Return a memory (k, 3), sorted by row, with rows first … last, shown from `tick` on, added.
 
-    memory (m, 3): stretches of film on screen: first row, last row, tick of the first. It keeps the
-    last time of each row, and drops what was shown at `forget_tick` or before.
+    memory (m, 3): stretches of film on screen: first row, last row, tick of the first. An older
+    stretch gives way where they overlap. What was last shown at `forget_tick` or before is dropped.
     """
     kept = np.empty((len(memory) + 2, 3), np.int64)  # one stretch may be cut in two
     count, added = 0, False

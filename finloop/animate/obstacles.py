@@ -116,7 +116,10 @@ class Plans:
         return bool(self._ticks[fish])
 
     def pose_at(self, fish: int, tick: int) -> Floats:
-        """Return x, y px, heading [°], picture (4,) planned for a tick, or for the nearest one."""
+        """Return what a fish's plan has at a tick, or at the nearest one that it has: (4,).
+
+        These are x, y px, heading [°] and number of the picture.
+        """
         row = min(max(tick - self._begins[fish], 0), self._ticks[fish] - 1)
         return np.asarray(self._trajectories[fish, row])
 
@@ -240,10 +243,10 @@ def _cover_outlines(outlines):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _widen_slices(extents, ahead, left):  # type: ignore[no-untyped-def]
-    """Widen slices of a body, in place, so that they hold one more edge of its outline.
+    """Widen the slices of a body, in place, where one edge of its outline crosses them.
 
-    extents (k, 2): lowest and highest px to the left in each slice. ahead, left: of the two ends of
-    the edge; ahead in slices from the back, left in px.
+    extents (k, 2): least and most px to the left in each slice. ahead, left: pairs, one value per
+    end of the edge; ahead in slices from the back, left in px.
     """
     back, front = min(ahead), max(ahead)
     for k in range(min(int(back), _DISCS - 1), min(int(front), _DISCS - 1) + 1):

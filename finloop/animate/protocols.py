@@ -23,7 +23,7 @@ class AnyPlayer(Protocol):
 
     @property
     def world(self) -> World:
-        """Return the tank, and what the film teaches of swimming."""
+        """Return the tank, the motion statistics of the film, and sizes."""
 
     @property
     def joins(self) -> JoinRules:
@@ -48,7 +48,10 @@ class AnyPlayer(Protocol):
     def begin(
         self, rng: np.random.Generator, route: Route | None = ..., obstacles: Obstacles = ...
     ) -> State:
-        """Return the state of a fish at the beginning of a route, else at a random place."""
+        """Return a fish at the beginning of a route, else at a random clear place.
+
+        On a route the place counts even if another fish is there.
+        """
 
     def others_to_avoid(self, other_plans: Floats, tick: int) -> Obstacles:
         """Return the other fish as obstacles for a fish that decides at `tick`.

@@ -37,11 +37,10 @@ from finloop.sprites.orient import sprite_outlines
 class FilmData(NamedTuple):
     """What all modes take from a film of n rows.
 
-    motion: what the film teaches of swimming, as filmed; arena (h, w): true where fish can be;
-    floor: the empty tank as filmed, None if unknown; reel: the film's pictures, with sprites for a
-    mode that shows them; outlines, poses: of the rows; map_facts: size, pose and median step of the
-    distance map; steps: Euclidean distances (Eq. 5) between successive pictures, columns of
-    `STEPS`.
+    motion: statistics of its motion, as filmed; arena (h, w): true where fish can be; floor: the
+    empty tank as filmed, None if unknown; reel: the film's pictures, with sprites for a mode that
+    shows them; outlines, poses: of the rows; map_facts: size, pose and median step of the distance
+    map; steps: Euclidean distances (Eq. 5) between successive pictures, columns of `STEPS`.
     """
 
     motion: MotionStatistics

@@ -20,7 +20,7 @@ from finloop.features.table import find_orientations, wrap_deg
 from finloop.loops.settings import LoopsSettings
 from finloop.modes.animator import Animator, ModeAssets, make_animator, video_loop_graph
 from finloop.modes.hybrid_settings import HybridSettings
-from finloop.modes.loops import Loops, RollOuts, add_verdict_counts, ticks_to_first_end
+from finloop.modes.loops import Loops, RollOuts, add_verdict_counts, ticks_to_marked_row
 from finloop.modes.network import Network
 from finloop.modes.player import PaperMode
 from finloop.plan.search import Candidates, make_candidates
@@ -196,7 +196,7 @@ class Hybrid:
         the candidates. Where none reaches a gateway, the fish swims on the spot.
         """
         tank, place = self.loops.world.tank, self.loops.next_place(fish)
-        ticks_to_gateway = ticks_to_first_end(
+        ticks_to_gateway = ticks_to_marked_row(
             self.loops.film, tank.legal, self._has_exit, candidates, place
         )
         reaching = np.flatnonzero(ticks_to_gateway)  # 0: it reaches no gateway

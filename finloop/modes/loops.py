@@ -345,11 +345,12 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore[no-untyped-def]
-    """Return how many ticks (k,) each candidate plays up to a row marked in `ends`; 0: to none.
+def ticks_to_marked_row(film, legal, marked, candidates, place_px):  # type: ignore[no-untyped-def]
+    """Return how many ticks each candidate (k,) plays until a marked row is shown; 0: never.
 
-    legal (h, w): where the fish's centre may be; ends (n,): rows; place_px: x, y of the first row
-    shown. The count is 0 where the fish leaves the tank, or the film ends, before.
+    candidates: rows and rotations. The marked row counts as shown. It is never shown if the fish
+    leaves the tank, or the film ends, before. legal (h, w): where the fish's centre may be; marked
+    (n,): mask of rows; place_px: x, y of the first row shown.
     """
     ticks = np.zeros(candidates.rows.size, np.int64)
     for k in range(ticks.size):
@@ -357,7 +358,7 @@ def ticks_to_first_end(film, legal, ends, candidates, place_px):  # type: ignore
         x, y, shown = place_px[0], place_px[1], 0
         while is_legal_point(legal, x, y):
             shown += 1
-            if ends[row]:
+            if marked[row]:
                 ticks[k] = shown
                 break
             if not film.rows[row].has_next:

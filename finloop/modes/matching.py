@@ -65,7 +65,7 @@ class MatchingAnimator(Animator):
 
     @property
     def world(self) -> FilmWorld:
-        """Return the tank, the film, and what the film teaches."""
+        """Return the tank, the film's motion graph, and statistics of its motion."""
         return self.player.world
 
     @property

@@ -113,7 +113,7 @@ class Rarity:
         return self.step_costs(self.steps)
 
     def transition_costs(self, rows: Ints, codes: Floats, row: int) -> Floats:
-        """Return what the steps after a transition to each row (k,) cost more than filmed, ticks.
+        """Return the extra cost (k,), in ticks, of the first steps after a transition to each row.
 
         The two poses of a transition differ. Over the first three steps the difference fades, which
         makes each of them larger than in the film. rows (k,): rows that may be shown next; row: the
@@ -180,11 +180,12 @@ class Tempo(NamedTuple):
 
     @classmethod
     def from_film(cls, film: MotionGraph, memory_ticks: float, least_ticks: float) -> "Tempo":
-        """Return the tempo of a film: mean step, how a lag fades, and the usual lag.
+        """Return the film's mean step, how fast a lag fades, and the root mean square of its lags.
 
-        The lag at a row is what is left of the lag at the row before, plus the row's own
-        (`row_lags`). memory_ticks: ticks after which 1/e of a lag is left; least_ticks: smallest
-        usual lag.
+        A lag: ticks by which a fish is behind one that swims at the mean speed. The lag at a row is
+        what is left of the lag at the row before, plus the row's own (`row_lags`). memory_ticks:
+        ticks after which 1/e of a lag is left; least_ticks: a smaller root mean square is raised to
+        this.
         """
         rows, keeps = film.rows[: film.filmed_count], float(np.exp(-1 / memory_ticks))
         lags = _sum_fading_lags(row_lags(rows), rows["has_next"], keeps)

@@ -57,7 +57,7 @@ class FilmSource:
     state = FILM
 
     def __init__(self, world: FilmWorld) -> None:
-        """Keep the world: the tank, the film, and what the film teaches."""
+        """Keep the world: the tank, the film's motion graph, and statistics of its motion."""
         self._world = world
 
     @cached_property

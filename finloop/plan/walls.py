@@ -62,11 +62,11 @@ def _wall_distance(bounds, x: float, y: float) -> float:  # type: ignore[no-unty
 
 
 @leaf_kernel
-def _disc_nearest_to_wall(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """Return how many px too near to the wall a picture's nearest disc is, and its x, y px.
+def _worst_wall_overlap(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
+    """Return by how many px a picture comes too near to the wall, and x, y of its worst disc.
 
-    Negative: there is room. bounds: `Bounds`; picture: film row, or −1 − number of a sprite; x, y:
-    its mass centre, px; heading: degrees.
+    Negative: there is room. A margin counts as wall. bounds: `Bounds`; picture: as in
+    `disc_orientation`; x, y: its mass centre, px; heading: degrees.
     """
     number, side, cos, sin = disc_orientation(bounds.discs, picture, heading)
     table, worst_px, worst_x, worst_y = bounds.discs.table, -np.inf, x, y
@@ -95,7 +95,7 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
         return True
     if bounds.discs.table.shape[0] == 0:  # without discs only roomy places count
         return False
-    too_near_px, _disc_x, _disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
+    too_near_px, _disc_x, _disc_y = _worst_wall_overlap(bounds, picture, x, y, heading)
     return too_near_px <= 0.0
 
 
@@ -114,7 +114,7 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
         row, column = min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
         return float(bounds.nearest[1, row, column]), float(bounds.nearest[0, row, column]), True
     for _ in range(_PUSHES):
-        too_near_px, disc_x, disc_y = _disc_nearest_to_wall(bounds, picture, x, y, heading)
+        too_near_px, disc_x, disc_y = _worst_wall_overlap(bounds, picture, x, y, heading)
         # The direction in which the distance from the wall grows, by central differences.
         inward_x = _wall_distance(bounds, disc_x + 1.0, disc_y) - _wall_distance(
             bounds, disc_x - 1.0, disc_y
@@ -134,11 +134,10 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
 
 @kernel
 def keep_inside(bounds: Bounds, pictures: Ints, trajectory: Floats, most_px: float) -> Floats:
-    """Return the part of a trajectory (n, 3) inside the tank, moved off the walls that it touches.
+    """Move a trajectory (n, 3) off the walls tick by tick; return it up to where that fails.
 
-    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading; most_px:
-    most by which a tick may be moved, else the part ends. What follows a moved tick is moved by the
-    same amount.
+    pictures (n,): film rows, or −1 − number of a sprite; trajectory: x, y px, heading; most_px: a
+    tick that must move by more ends it. Later ticks move along with an earlier one.
     """
     inside = trajectory.copy()
     aside_x = aside_y = 0.0

@@ -18,7 +18,7 @@ from finloop.social.walls import Walls
 
 @dataclass(frozen=True)
 class FilmWorld(World):
-    """The world of a fish of `matching`: the tank, the film, and what the film teaches.
+    """The world of a fish of `matching`: the tank, the film, and statistics of its motion.
 
     film: motion graph of the rows; settings: parameters of `animate` and `matching`; discs: that
     cover the body, to test whether a picture is inside the tank; without any the fish keeps to
