@@ -104,7 +104,10 @@ def write_page(mode: str, seed: int, p: RenderSettings, project: Project) -> Non
 
 
 def load_edit_lists(mode: str, project: Project) -> list[pd.DataFrame]:
-    """Return the edit lists of a mode: the animation, and the samples for `realism` if any."""
+    """Return the edit lists of a mode: the animation, and the samples for `realism` if any.
+
+    FinloopError if the mode has no animation.
+    """
     try:
         edit = project.edit_list(mode, "blind")
     except FinloopError as error:  # the mode is no parameter of a stage
@@ -163,7 +166,10 @@ def describe_answers(paths: Sequence[Path]) -> str:
 
 
 def _count_answers(path: Path) -> tuple[int, int]:
-    """Return how many answers of a file are right, and how many there are."""
+    """Return how many answers of a file are right, and how many there are.
+
+    FinloopError if the file is no answer file, or contradicts itself.
+    """
     advice = "take the file that the page's button “Save the answers” wrote"
     wanted = f"a CSV file with the columns {', '.join(ANSWERS)}, a row for each answer"
     try:
@@ -180,7 +186,7 @@ def _count_answers(path: Path) -> tuple[int, int]:
 
 
 def _describe_score(score: Score) -> str:
-    """Return a score in words."""
+    """Return number, share and interval of right answers, and what they mean, as a text."""
     share = f"{score.right} of {score.answers} right, {score.right / score.answers:.0%}"
     return f"{share} (95 % interval {score.low:.0%} to {score.high:.0%}). {score.sentence}"
 

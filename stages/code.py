@@ -115,12 +115,12 @@ def imported_files(file: str) -> set[str]:
         return files_of_imports(tree.body)  # those of the module, without those of the members
     files = files_of_imports([*ast.walk(tree)]) | BY_NAME.get(file, set())
     if PROJECT in files:
-        files |= _files_of_members(_members_of(tree, "project"))
+        files |= _source_files_of_members(_members_of(tree, "project"))
     return files
 
 
-def _files_of_members(names: set[str]) -> set[str]:
-    """Return the program's files that given members of the class `Project` need.
+def _source_files_of_members(names: set[str]) -> set[str]:
+    """Return the source files that members of the class `Project`, and those they call, import.
 
     names: of the members; other names are ignored.
     """

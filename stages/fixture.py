@@ -39,7 +39,10 @@ TOLERANCE = 1e-3  # largest relative difference of like numbers; half of it: the
 
 
 def read_tiny_film(path: Path) -> list[str]:
-    """Return the settings of the tiny film, from the file `path`, as overrides `key=value`."""
+    """Return the settings of the tiny film, from the file `path`, as overrides `key=value`.
+
+    FinloopError if it cannot be read.
+    """
     try:
         values = dict(yaml.safe_load(path.read_text(encoding="utf-8")))
     except (OSError, TypeError, ValueError, yaml.YAMLError) as error:

@@ -32,7 +32,8 @@ between two pictures of a fish that are Δ / 5 apart.
 def terminal_table(word: str, width: int, conf: Path = CONF) -> str:
     """Return value, range and meaning of each parameter of a group as text for the terminal.
 
-    word: name of the group. width: of the text, in characters. conf: the folder conf/.
+    word: name of the group. width: of the text, in characters. conf: the folder conf/. FinloopError
+    if there is no such group.
     """
     if word not in GROUPS:
         raise FinloopError(

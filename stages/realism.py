@@ -165,7 +165,7 @@ def classify_all(
 
 
 def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int) -> None:
-    """Write a film of the examples that shows each twice and slowed down.
+    """Write a film of the examples that shows each twice, `slower` times slowed down.
 
     windows: a row per tick of each example, the windows that are most clearly film or animation.
     """
@@ -182,10 +182,11 @@ def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int)
 def _save_picture_examples(
     folder: Path, pictures: PictureSample, results: dict[str, PictureResult], slower: int
 ) -> None:
-    """Write what gives pictures away: where the network looks, and the most obvious windows.
+    """Write where the network looks, and the most obvious windows as a table, crops and a film.
 
-    Of the windows `folder` gets the table pictures.csv, their crops, and a film of them, slowed
-    down, in which each is shown twice: the animation left, the film right.
+    The table is pictures.csv in `folder`. In the film each window is shown twice, `slower` times
+    slowed down: the animation left, the film right. pictures: the compared film and animations;
+    results: by the name of the comparison.
     """
     looks = {name: result.verdict.looks for name, result in results.items()}
     shown = {name: look for name, look in looks.items() if look is not None}

@@ -68,7 +68,7 @@ class FilmPart:
 
 
 def measure_film_part(part: FilmPart) -> CropSeries:
-    """Return what the clip's own pictures show of the fish of one part, for each of its n rows."""
+    """Measure the crops of one part's fish in the clip's own frames; return a series of n rows."""
     collector, meters = CropCollector(len(part.rows)), dict[int, CropMeter]()
     frames = read_chosen_frames(part.clip, part.frames.tolist(), colour=part.colour)
     for number, frame in enumerate(frames):
@@ -107,10 +107,10 @@ def film_parts(
 def _join_film_parts(
     parts: Iterable[FilmPart], pictures: Iterable[CropSeries], filmed: Swimming, company: Mask
 ) -> CropSeries:
-    """Join what the pictures of all parts of the film show, in the order of the film's n rows.
+    """Join the crop series of all parts of the film to one, in the order of the film's n rows.
 
-    pictures: of each part. company (n,): True where the crop shows another fish, too; the measures
-    there become NaN.
+    parts, pictures: the parts, and the series of each. company (n,): True where the crop shows
+    another fish, too; the measures there become NaN.
     """
     channels = np.full((len(filmed.row), len(PICTURE_CHANNELS)), np.nan)
     rows, crops = [np.zeros(0, np.int64)], [no_crops()]
@@ -126,7 +126,7 @@ def _join_film_parts(
 
 @dataclass(frozen=True)
 class PictureResult:
-    """What the pictures of a comparison say, and the most obvious windows of an animation.
+    """How well pictures distinguish two sets of windows, and the most obvious ones of an animation.
 
     pairs: of windows, by the rows of animation and film with which they begin, and the score.
     """
@@ -185,7 +185,7 @@ class PictureSample:
                 results[name] = PictureResult.from_values(values)
         new = [name for name in self.names if name not in results]
         if new:
-            film = self._film_pictures(pool)
+            film = self._measure_film_crops(pool)
             pictures = self._drawn_pictures(new, open_pictures, pool)
             jobs = ((name, *self._sides(name, film, pictures)) for name in new)
             for name, result in zip(new, ordered_map(partial(_judge, self.sample), jobs, pool),
@@ -198,8 +198,8 @@ class PictureSample:
                 kept.save(f"picture {name}", "json", partial(save_values, values=values))
         return {name: results[name] for name in self.names if name in results}
 
-    def _film_pictures(self, pool: Workers) -> CropSeries:
-        """Return what the film's own pictures show of its compared fish."""
+    def _measure_film_crops(self, pool: Workers) -> CropSeries:
+        """Measure the film's own pictures of the compared fish; return all ticks as one series."""
         filmed, camera = self.sample.film, self.instruments[FILM].crop_camera
         company = rows_with_company(filmed.row, self.project.features, camera)
         stride = self.sample.window_cut.stride
@@ -215,7 +215,7 @@ class PictureSample:
         self, names: Collection[str], open_pictures: Callable[[], AbstractContextManager[Gallery]],
         pool: Workers,
     ) -> dict[str, CropSeries]:  # fmt: skip
-        """Return what the pictures of the animations show, by the name of the comparison."""
+        """Draw the animations and measure their crops; return a series for each, by its name."""
         stride, jobs, owners = self.sample.window_cut.stride, [], list[str]()
         for name, swimming in self.measured.items():
             compared = AGAIN if name == FILM else name
@@ -239,8 +239,8 @@ class PictureSample:
     ) -> tuple[tuple[Windows, Windows], tuple[Windows, Windows]]:
         """Return the two sets of windows of a comparison, and those of its crops.
 
-        name: of the comparison. film: what the film's pictures show; drawn: the same of each
-        animation.
+        name: of the comparison. film: crop series of the film; drawn: that of each animation, by
+        name.
         """
         both = []
         for view in ("picture", "crop"):

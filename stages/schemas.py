@@ -78,7 +78,8 @@ def _leaf_types(hint: Any) -> set[Any]:
 def check_and_stamp(*, _root_: DictConfig) -> str:
     """Check all parameters of a composed config; return the stamp, a digest, of conf/.
 
-    _root_: the whole composed config, which Hydra passes by this name.
+    _root_: the whole composed config, which Hydra passes by this name. The error lists all
+    parameters that are wrong or contradict others.
     """
     values = _plain_groups(_root_, {*map(str, _root_)} - {*STAMPS})
     if problems := list_problems(values) or find_conflicts(values):

@@ -22,14 +22,15 @@ from stages.settings import FILES, PARAMS, read_params
 Groups = Mapping[str, Mapping[str, Any]]
 
 
-def file_stamp(name: str, groups: Groups) -> str | None:
-    """Return a digest of names, sizes and times of the files that parameters name.
+def file_stamp(stamp_name: str, groups: Groups) -> str | None:
+    """Return a digest of the paths, sizes and times of the files that some parameters name.
 
-    None if there are no such files, or one is missing. name: which files, one of `FILES`. groups:
-    content of params.yaml, group → parameters.
+    Of a folder, of all its files. None if there are none, or they cannot be read or listed.
+    stamp_name: says which parameters, one of `FILES`. groups: content of params.yaml, group →
+    parameters.
     """
     try:
-        paths = _LISTS[name](groups)
+        paths = _LISTS[stamp_name](groups)
         if not paths:
             return None
         from finloop.io.footage import read_file_stamps

@@ -87,7 +87,10 @@ class BlindSource(NamedTuple):
         return float(np.ptp(stretch.way, axis=0).max()) / self.length_px + 2 * _SEEN_BL
 
     def crop(self, stretch: LoneStretch, side_px: int) -> "Crop":
-        """Return the crop of a side around the middle of a way, moved into the picture."""
+        """Return the square crop, `side_px` wide, around the middle of a stretch's way.
+
+        Where it would reach beyond the picture it is moved into it.
+        """
         middle = (stretch.way.min(axis=0) + stretch.way.max(axis=0)) / 2
         left, top = (
             min(max(round(centre - (side_px - 1) / 2), 0), side - side_px)
@@ -111,10 +114,10 @@ class Crop(NamedTuple):
     def cut_frames(
         self, frames: Iterable[Picture], size_px: int, around: Picture
     ) -> Iterator[Picture]:
-        """Yield the crops of whole frames, one for each tick, brought to a side.
+        """Yield the box cut out of whole frames, one for each tick, and scaled to `size_px` px.
 
-        They are (size_px, size_px) or (size_px, size_px, 3) uint8. around: the level or colour that
-        they fade into, (1 or 3).
+        The results are (size_px, size_px) or (size_px, size_px, 3) uint8. around: the level or
+        colour that they fade into, (1 or 3).
         """
         y, x = np.mgrid[: self.box.bottom - self.box.top, : self.box.right - self.box.left]
         for frame, (centre_x, centre_y) in zip(frames, self.way, strict=True):
@@ -140,7 +143,7 @@ def choose_pairs(
 ) -> list[BlindPair]:
     """Return pairs of film and animation by chance, at most `most`; half have the film left.
 
-    ticks: of a clip. Both crops of a pair are equally wide in body lengths, at most as the
+    ticks: of a clip. Both crops of a pair are equally wide in body lengths, at most as wide as the
     picture's shorter side. FinloopError with fewer than LEAST_PAIRS.
     """
     rng = np.random.default_rng(seed)
@@ -188,7 +191,7 @@ def join_halves(
 
 
 def _resize(crop: Picture, size_px: int) -> Picture:
-    """Return a square crop scaled to a side [px]; the crop itself if it has that side."""
+    """Return a square crop scaled to `size_px` px a side; the crop itself if it has that size."""
     if len(crop) == size_px:
         return crop
     smaller = cv2.INTER_AREA if size_px < len(crop) else cv2.INTER_CUBIC
@@ -199,7 +202,7 @@ def _resize(crop: Picture, size_px: int) -> Picture:
 
 
 def encode_side(side: str, rng: np.random.Generator) -> int:
-    """Return a number from which the page works out a side, and a reader of its source does not."""
+    """Return a number from which the page finds a side, but which does not show it to a reader."""
     while True:
         code = int(rng.integers(1, _MODULUS))
         if SIDES[code * _FACTOR % _MODULUS % 2] == side:
@@ -246,7 +249,7 @@ class Score(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Return what the score means."""
+        """Return a sentence that says whether film and animation can be told apart."""
         if self.low > 0.5:
             return "Film and animation can be told apart."
         if self.high < 0.5:

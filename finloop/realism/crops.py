@@ -43,7 +43,7 @@ Image = NDArray[np.float32]
 
 
 class CropSeries(NamedTuple):
-    """What the pictures of n ticks show.
+    """What is measured in the pictures of n ticks: numbers for each tick, and some of the crops.
 
     channels (n, 10): PICTURE_CHANNELS, NaN where a crop shows nothing to measure. crop_rows (m,):
     the ticks whose crops are kept; crops (m, 2, SIZE, SIZE) float16: those, and their changes from
@@ -145,8 +145,8 @@ class CropMeter:
         Call it in the order of ticks: at the first one there is no change. The measures are those
         of PICTURE_CHANNELS. All but the last are NaN if no fish can be measured; the last one is
         the change's, NaN without a change. Crops (SIZE, SIZE) lack the still tank and are shares of
-        the tank's light. alone: also measure none where another animal seems to be seen, a detached
-        piece of a quarter of the typical size.
+        the tank's light. alone: whether a crop that seems to show another animal counts as one
+        without a fish; that is one with a detached piece of a quarter of the typical size.
         """
         camera, place = self._camera, (x_px, y_px, heading_deg)
         crop, still = camera.cut(frame, *place), camera.cut(camera.tank, *place)

@@ -114,11 +114,10 @@ def find_examples(
 def _window_edit_list(
     edit_lists: Sequence[EditList], measured: Swimming, first_row: int, cut: WindowCut
 ) -> pd.DataFrame:
-    """Return the part of an edit list that one window shows, with a column for its first heading.
+    """Return the rows of an edit list that one window shows, with its first heading as start_deg.
 
-    The column is start_deg. The part has `cut.length` steps, and so a tick more. edit_lists,
-    measured: edit lists of one fish each, and the swimming measured in them; first_row: of the
-    window, in `measured`.
+    The window has `cut.length` steps, and so a tick more. edit_lists: one for each fish; measured:
+    their swimming, joined; first_row: the window's, in it.
     """
     rows = first_row + np.arange(cut.length + 1)
     edit = edit_lists[int(measured.list_number[first_row])].edit.iloc[measured.tick[rows]]

@@ -169,7 +169,7 @@ class Swimming:
     table: columns of FEATURES, track numbers unique. list_number (n,): of the edit list, from 0.
     tick (n,): in that list. row (n,): of the film that is drawn, −1 for a sprite. time_s (n,):
     since the first tick of the first list; the lists follow each other without a gap. pictures:
-    what the pictures show, where these are compared.
+    what is measured in crops of its pictures; None where only motion is compared.
     """
 
     table: pd.DataFrame
@@ -240,7 +240,7 @@ def measure_pictures(
     open_tank: Callable[[], LivingTank | None],
     job: tuple[Instrument, EditList, pd.DataFrame, Mask],
 ) -> CropSeries:
-    """Draw an edit list on the living tank; return what the pictures of its fish show.
+    """Draw an edit list on the living tank; return what is measured in the crops of its fish.
 
     open_tank: returns the empty tank at every tick, or None if it stands still. job: how to draw,
     the edit list, its n measured ticks (columns of FEATURES, track by track), and the ticks (n,)
