@@ -129,7 +129,10 @@ def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
 
 
 def _frames_on_beat(number: Ints, rate: float, phase: float) -> Mask:
-    """Return a mask of frames, given by number, on which a beat of a rhythm falls."""
+    """Return a mask of frames, given by number, on which a beat of a rhythm falls.
+
+    rate: beats per frame; phase: how many beats there are up to frame 0.
+    """
     return np.floor(number * rate + phase) > np.floor((number - 1) * rate + phase)
 
 

@@ -66,9 +66,10 @@ class ClipSource:
 
 
 def open_clip_source(p: ClipSettings) -> ClipSource:
-    """Open the film, or the drawing, that the parameters name; its frames are read later.
+    """Open the film, or draw the carp, that the parameters name; download the zebrafish if missing.
 
-    FinloopError if the film cannot be opened, or the carp have no room.
+    Frames are read, or drawn, later. FinloopError if a film cannot be opened or downloaded, or the
+    carp have no room in their tank.
     """
     if isinstance(p, CarpSettings):
         return _open_carp(p)

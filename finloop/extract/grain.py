@@ -45,7 +45,7 @@ class TankPictures(NamedTuple):
 def choose_spans(
     segments: Sequence[tuple[int, int]], frame_shape: tuple[int, ...]
 ) -> list[tuple[int, int]]:
-    """Return the spans (start, stop) of a film from which the pictures may be made, the best first.
+    """Return the spans (start, stop) of a film to make pictures of its empty tank from, best first.
 
     segments: the film's frame ranges without a cut; frame_shape: (h, w[, 3]). [] if the film is too
     short, or its frames are too large.

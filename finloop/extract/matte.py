@@ -69,11 +69,12 @@ def _edge_bounds(edge_px: float) -> Floats:
 
 @kernel
 def _blend(silhouette, distances, field, change, of_fish, count, bounds, levels):  # type: ignore[no-untyped-def]
-    """Return the alpha (h, w) uint8: how much of the difference of fish and tank each pixel has.
+    """Return a fish's alpha (h, w) uint8: its difference from the tank as a share of a fish's.
 
-    distances: px to the outline, inside and outside; change: (h, w, k), film less tank; of_fish,
-    count: sum of `change` over the `count` deep pixels around; bounds: of `_edge_bounds`; levels:
-    contrast and threshold.
+    silhouette: mask (h, w); distances: px to its outline, inside and outside; field: difference
+    image, used where the fish is too thin to have an inside; change: (h, w, k), film less tank;
+    of_fish, count: sum of `change` over the `count` deep pixels around; bounds: from
+    `_edge_bounds`; levels: contrast and threshold.
     """
     (inside, outside), (contrast, threshold) = distances, levels
     height, width, channels = change.shape

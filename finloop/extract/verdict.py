@@ -47,9 +47,9 @@ def measure_area_jumps(track: Ints, frame: Ints, area_px: Floats) -> float:
 
 
 def measure_area_range(track: Ints, area_px: Floats) -> float:
-    """Return how many times as large as small an animal is seen: 90 % over 10 % of its area.
+    """Return by what factor an animal's area varies: its 90 % quantile over its 10 % quantile.
 
-    It is that of the median track, each weighted by its frames. track, area (rows,): of each
+    It is the median over the tracks, each weighted by its frames. track, area_px (rows,): of each
     silhouette of an animal, in any order.
     """
     tracks = [area_px[track == number] for number in np.unique(track)]

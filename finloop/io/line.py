@@ -49,6 +49,7 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
     """Return the path in a table's columns x and y, with times and headings if the table has them.
 
     path: of the table's file, for messages. unit: of x and y, unless the columns' names say it.
+    FinloopError if the table lacks x or y, or a column holds no numbers.
     """
     names = {name.strip().lower(): name for name in table.column_names}
     x, y = "x", "y"
@@ -78,7 +79,10 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
 
 
 def _line_from_drawing(path: Path, unit: str) -> Line:
-    """Load the only path of an SVG file; unit: PX, or TANK for shares of the drawing's size."""
+    """Load the only path of an SVG file; FinloopError if it has none or several.
+
+    unit: PX, or TANK for shares of the drawing's size.
+    """
     drawing = load_svg(path)
     if len(drawing.curves) != 1:
         raise FinloopError(

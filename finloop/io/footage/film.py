@@ -355,7 +355,8 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     """Inspect a film; return its facts and the times of its frames [s], from 0.
 
     rate: frames per second that replace the film's; None = those of the film. colour: whether
-    frames will be RGB; None = where the film has colours.
+    frames will be RGB; None = where the film has colours. FinloopError if it cannot be read, has
+    fewer than two frames, or states no rate and is given none.
     """
     with open_stream(path) as (container, stream):
         stamps, promised, are_shown = _read_time_stamps(container, stream)

@@ -118,7 +118,10 @@ def _folder_software(path: Path) -> Software | None:
 
 
 def _csv_software(path: Path) -> Software | None:
-    """Return the program that made a CSV of tracks, by its header; None if unknown."""
+    """Return the program that made a CSV of tracks, by its header; None if unknown.
+
+    FinloopError if the file cannot be read.
+    """
     try:
         header = [name.strip() for name in next(csv.reader(io.StringIO(read_plain_csv(path))), [])]
     except (OSError, csv.Error) as error:
@@ -153,7 +156,8 @@ def _hdf5_keys(path: Path) -> list[str]:
 def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:
     """Load poses with the package `movement`, from a file or a folder of NWB files, one per animal.
 
-    rate_hz: frames per second, for a file that has times and no rate.
+    rate_hz: frames per second, for a file that has times and no rate. FinloopError if a file cannot
+    be read, or animals have different keypoints or one name.
     """
     files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
     datasets = [_load_dataset(file, software) for file in files]
@@ -182,7 +186,8 @@ def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:
 def _load_dataset(path: Path, software: Software) -> Any:
     """Load a file with `movement` as an xarray dataset with `position` and perhaps `confidence`.
 
-    `position` has the dimensions time, space (x, y), keypoints and individuals.
+    `position` has the dimensions time, space (x, y), keypoints and individuals. FinloopError if the
+    file cannot be read, or holds places in three dimensions.
     """
     xarray = import_extra("xarray", path)
     load = import_extra("movement.io", path).load_dataset

@@ -71,6 +71,7 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
     """Load the columns or arrays in one file of TRex, by name without the unit.
 
     The result also has `cm_per_pixel` if the file or TRex's settings beside it state it.
+    FinloopError if the file cannot be read.
     """
     try:
         if path.suffix.lower() in TEXTS:
