@@ -122,7 +122,8 @@ class _Field(NamedTuple):
 def _split_forces(forces: Forces, density: float, rest: Floats) -> _Field:
     """Return forces, without drag and pull, as a constant and a varying part.
 
-    density: of the curves. The linear part is in `Forces.drag` and `Forces.pull`.
+    density: of the curves; rest (n, k, 2): their rest shapes. The linear part is in `Forces.drag`
+    and `Forces.pull`.
     """
     constant = density * np.asarray(forces.gravity, float) - forces.pull * rest
     targets = []

@@ -121,7 +121,8 @@ def compare_clocks(
 def _sum_held_out_errors(film: GaitContours, split: float, descriptor: Descriptor) -> pd.DataFrame:
     """Return the held-out squared errors of all fits, summed by contour, subcycle and scale.
 
-    Fits that fail are skipped; if all fail, the last FinloopError is raised.
+    Fits that fail are skipped; if all fail, the last FinloopError is raised. split: phase of key
+    frame 2, in cycles; descriptor: how contours become coefficients.
     """
     rows: list[dict[str, Any]] = []
     problem: FinloopError | None = None

@@ -196,7 +196,10 @@ def align_phase_without_symmetry(phase: Floats, foot_x: Floats, split: float) ->
 
 
 def _line_terms(phase: Floats, split: float) -> Floats:
-    """Return the weights (frames, 4) of the key frames at each phase, by linear interpolation."""
+    """Return the weights (frames, 4) of the key frames at each phase, by linear interpolation.
+
+    phase (frames,): in cycles; split: phase of key frame 2.
+    """
     subcycle, tau = locate_in_subcycle(phase, split)
     terms, row = np.zeros((len(phase), 4)), np.arange(len(phase))
     terms[row, subcycle] = 1 - tau

@@ -159,7 +159,10 @@ class Gait:
                     raise ValueError(f"motion.{name}.{letter} has not one number for each γ")
 
     def contour_gamma(self, name: str, letter: str) -> tuple[Any, ...]:
-        """Return the γ of a contour in a subcycle; else that of all contours together; else 0."""
+        """Return the γ of a contour in a subcycle; else that of all contours together; else 0.
+
+        name, letter: the contour's id and the subcycle, A … D.
+        """
         return tuple(self.gamma.get(name, self.gamma.get(POOLED, {})).get(letter, (0.0,)))
 
     def limb_gamma(self, name: str, letter: str) -> float:

@@ -48,7 +48,10 @@ def main(arguments: list[str] | None = None, program: str = "python -m finloop.g
 
 
 def _write_cycle(options: argparse.Namespace) -> str:
-    """Write the animated cycle that the command line's options describe; return its summary."""
+    """Write the animated cycle that the command line's options describe; return its summary.
+
+    FinloopError if an option is out of range, or a file cannot be read.
+    """
     find_morph_writer(options.output)  # check the ending first
     gait = load_gait(find_gait_file(options.gait, SHIPPED))
     frames, rate = choose_frame_timing(gait.frequency_hz, options.frames, options.rate)

@@ -114,6 +114,7 @@ def _read_main(text: str, kind: str, words: list[str]) -> float | tuple[float, f
     """Return the first value of a force's text: a number, two, or the id of a shape.
 
     text: the whole force, for messages; words: what stands between commas before the options.
+    FinloopError if it is no value of this kind of force.
     """
     wanted: dict[str, tuple[int, bool]] = {  # how many numbers, and whether an id will do
         "gravity": (1, False), "wind": (2, False), "attraction": (2, True),

@@ -237,7 +237,10 @@ def _count_crossings(
 
 
 def _require_near(name: str, stack: Points, side: float) -> None:
-    """Raise FinloopError if a frame of a shape (f, n, 2) goes more than REACH pictures away."""
+    """Raise FinloopError if a frame of a shape (f, n, 2) goes more than REACH pictures away.
+
+    name: of the shape, for the message; side: the longer side of the picture.
+    """
     if not (np.abs(stack) <= REACH * side).all():
         raise FinloopError(
             f"shape {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",

@@ -191,7 +191,10 @@ def _number_ring_alike(first: Floats, second: Floats) -> Floats:
 
 
 def _number_points_by_pins(a: Curve, b: Curve, n: int, pins: Pins) -> tuple[Floats, Floats]:
-    """Return two curves as n corresponding points, (n, 2) each, with points at the pins."""
+    """Return two curves as n corresponding points, (n, 2) each, with points at the pins.
+
+    FinloopError if the pins have another order along b than along a, or are too many.
+    """
     b = _run_alike(a, b, pins)
     places = [_length_shares(curve, side) for curve, side in zip((a, b), pins, strict=True)]
     order = np.argsort(places[0], kind="stable")
@@ -247,7 +250,7 @@ def _points_at(curve: Curve, shares: Floats) -> Floats:
 
 
 def _lengths(curve: Curve) -> Floats:
-    """Return the length of a curve up to each of its points; if closed, also the whole length."""
+    """Return the length (n,) of a curve up to each of its points; closed: and of all, (n + 1,)."""
     points = curve.points
     points = np.concatenate([points, points[:1]]) if curve.closed else points
     return np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
@@ -274,7 +277,10 @@ def _marks_along(widths: Floats, counts: Ints, with_end: bool) -> Floats:
 
 
 def _number_points_alike(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
-    """Return two curves as n points, (n, 2) each, the second numbered to fit the first best."""
+    """Return two curves as n points, (n, 2) each, the second numbered to fit the first best.
+
+    FinloopError if one curve is open and the other closed.
+    """
     if a.closed != b.closed:
         kinds = ["closed" if curve.closed else "open" for curve in (a, b)]
         raise FinloopError(

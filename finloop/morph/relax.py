@@ -146,7 +146,11 @@ def _energy_slope(
     turning_goals: Floats,
     mirroring_goals: Complex,
 ) -> Complex:
-    """Return the derivative (n, k) of the energy by the places of vertices, with best rotations."""
+    """Return the derivative (n, k) of the energy by the places of vertices, with best rotations.
+
+    places (n, k): complex; corners, gradients: fields of `Triangles`; the rest as in
+    `_relax_places`.
+    """
     slope = np.zeros_like(places)
     for t in range(len(corners)):
         a, b, c = corners[t]

@@ -390,18 +390,18 @@ def _smoothing_weights(frames: int, width: float) -> Floats:
     return np.asarray(weights[reach:-reach])
 
 
-def _limit_areas(stack: Points, layout: ContourLayout) -> Points:
-    """Return frames (f, n, 2), each scaled so that its area lies between those of the two ends.
+def _limit_areas(frames: Points, layout: ContourLayout) -> Points:
+    """Return frames (f, n, 2), each scaled to an area between those of the first and the last.
 
-    The areas are those within the first contour. Frames are scaled about the mean of its vertices.
+    Only the first contour's area counts; all contours are scaled about the mean of its vertices.
     """
-    contours = stack[:, layout.parts[0]]
+    contours = frames[:, layout.parts[0]]
     x, y = np.moveaxis(contours - contours[:, :1], 2, 0)
     areas = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) / 2
     goals = np.clip(areas, min(areas[0], areas[-1]), max(areas[0], areas[-1]))
     middle = contours.mean(axis=1, keepdims=True)
-    resized = middle + (stack - middle) * np.sqrt(goals / areas)[:, None, None]
-    return np.where((areas == goals)[:, None, None], stack, resized)
+    resized = middle + (frames - middle) * np.sqrt(goals / areas)[:, None, None]
+    return np.where((areas == goals)[:, None, None], frames, resized)
 
 
 def _has_simple_motion(stack: Points, layout: ContourLayout) -> bool:

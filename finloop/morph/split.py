@@ -108,6 +108,7 @@ def _cut_in_two(part: _Part, share: float, direction: Points) -> tuple[_Part, _P
     """Return the two sides of a part, cut along the best chord.
 
     share: of the area that the first side gets; direction (2,): from the first to the second.
+    FinloopError if every chord leaves the part or meets a hole.
     """
     outline, places = _mark_outline(part)
     marks = outline.outline[places]

@@ -83,9 +83,9 @@ def track_from_backbones(
 ) -> Track:
     """Return a track of backbones (t, k, 2) px, resampled to steps + 1 points.
 
-    name: of the film they come from, for messages; frame (t,): their frame numbers; backbone: its k
-    points are equally far apart, head first; steps: number of segments of a backbone in the film
-    that is to be drawn. The track has steps + 1 points.
+    name: of the film they come from, for messages; rate_hz: frames per second of that film; frame
+    (t,): their frame numbers; backbone: its k points are equally far apart, head first; steps:
+    number of segments of a backbone in the film that is to be drawn.
     """
     along = np.arange(steps + 1) / steps
     points = interpolate_lines(backbone, along * (backbone.shape[1] - 1))
@@ -96,7 +96,8 @@ def track_from_backbones(
 def _select_animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
     """Return name, frames (t,) and points (t, keypoints, 2) of the animal in the settings.
 
-    Points that are not given, or not confident enough, are NaN.
+    Points that are not given, or not confident enough, are NaN. FinloopError if no point is
+    confident enough, or there is no such animal.
     """
     confident = ~(poses.confidence < p.min_confidence)  # NaN: unknown
     points = np.where(confident[..., None], poses.places, np.nan)
