@@ -7,7 +7,7 @@ FINDINGS_NAME = "findings.csv"  # in the folders of the stages that judge the fi
 
 
 class Finding(NamedTuple):
-    """One finding about a film: whether it is good, what was measured, and else what to do."""
+    """One finding about a film: whether it is good, what was measured, and what to do if not."""
 
     word: str  # what it is about, such as `flicker`
     good: bool

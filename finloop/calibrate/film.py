@@ -60,7 +60,7 @@ class FilmGroup:
         return self.table[self.first_half == first]
 
     def rows_for_fit(self, first: bool, most: int) -> Ints:
-        """Return at most `most` rows of one half of the film, evenly spread, to fit the zones to.
+        """Return at most `most` rows (k,) of one half of the film, evenly spread, to fit zones to.
 
         Each row has other fish in its frame, and the same fish is seen `horizon_frames` later in
         the same half.
@@ -72,7 +72,7 @@ class FilmGroup:
         return spread_rows(np.flatnonzero(in_half & has_others & has_later), most)
 
     def rows_with_whole_steps(self, most: int) -> Ints:
-        """Return at most `most` rows whose fish is also seen one horizon before and one after.
+        """Return at most `most` rows (k,) whose fish is also seen a horizon before and one after.
 
         They are evenly spread over the first half, or over the whole film if that has none.
         """

@@ -163,6 +163,7 @@ class Reel:
         """Measure the picture distance (k,) (Eq. 5) from each of `rows` to the next of them.
 
         rows (k,): ascending. NaN where the next one is not the next frame of the same track.
+        size_px, reference: as in `draw_rows`.
         """
         step = np.full(len(rows), np.nan)
         for start in range(0, len(rows) - 1, _BATCH):

@@ -46,7 +46,10 @@ class EditInputs:
     sprite_mode: str
 
     def next_number(self, kind: str, number: int) -> int:
-        """Return the number of the sprite or film row after `number`; at the end `number`."""
+        """Return the number of the sprite or film row after `number`; at the end `number`.
+
+        kind: SPRITE or FRAME, what the number is of.
+        """
         if kind == SPRITE:
             return int(self.sprite_after[number])
         return number + int(self.goes_on[number])

@@ -92,7 +92,10 @@ def measure_ghosts(edit: pd.DataFrame, pictures: Pictures, ground: Floats) -> Gh
 
 
 def film_look_changes(pictures: Pictures, ground: Floats) -> Floats:
-    """Return the 99.5th percentile (4,) of how `LOOKS` change from frame to frame of the film."""
+    """Return the 99.5th percentile (4,) of how `LOOKS` change from frame to frame of the film.
+
+    ground: the colour of the empty tank, 0 … 1.
+    """
     reel = pictures.reel
     rows = spread_rows(np.flatnonzero(reel.has_next_frame), _PAIRS)
     if not len(rows):

@@ -157,7 +157,10 @@ def describe_decision(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
-    """Return in words what the fish does next and why, but not why it leaves the film."""
+    """Return in words what the fish does next and why, but not why it leaves the film.
+
+    goal, motion_area: as in `describe_decision`.
+    """
     if decision.reason == TURNING:
         side, room = "left" if decision.turn_deg > 0 else "right", ""
         if decision.room < 1:

@@ -47,7 +47,10 @@ class FishOnlyPainter:
         self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
 
     def show(self, *fish: PlacedFish) -> Box:
-        """Paint fish on clean canvases, the lowest first; return the box that they cover."""
+        """Paint fish, given from the lowest layer up, over black and over white; return their box.
+
+        The box covers all of them. Both canvases are clean before.
+        """
         self.white.show(*fish)
         return self.black.show(*fish)
 

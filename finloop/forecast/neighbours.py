@@ -144,11 +144,11 @@ def _choose_from_part(
     rows: Ints, batch: Ints, members: Ints, looks: NDArray[np.float32], apart_rows: int,
     p: ForecastSettings, queries: Ints, near: Ints,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Return similar rows (k, c) in one part of the film, −1 for none, and which k are done.
+    """Return similar rows (k, c) in one part of the film, and a mask (k,) of finished queries.
 
-    They are chosen by `_choose_passages`; done: enough found, or all examined. members: indices in
-    `rows` of the part's rows; queries (k,): indices in `batch`; near (k, l): indices in `members`,
-    the nearest first, −1 for none.
+    Rows are −1 where there are none; they are chosen by `_choose_passages`. A query is finished if
+    enough rows are found, or all examined. members: indices in `rows` of the part's rows; queries
+    (k,): indices in `batch`; near (k, l): indices in `members`, the nearest first, −1 for none.
     """
     count = _SPARE * p.similar_frames
     candidates = np.where(near < 0, -1, members[near])

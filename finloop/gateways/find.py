@@ -79,9 +79,9 @@ def measure_sprite_distances(
 ) -> SpriteDistances:  # fmt: skip
     """Measure the picture distances (Eq. 5) between all sprites and some rows of the film.
 
-    rows (n,): ascending; reference: BODY, the measured heading points right, or FILM, each row as
-    filmed and the sprites in its orientation as they are drawn. advance(k): called when k more rows
-    are done.
+    rows (n,): ascending; size_px: side of the compared pictures; reference: BODY, the measured
+    heading points right, or FILM, each row as filmed and the sprites in its orientation as they are
+    drawn. advance(k): called when k more rows are done.
     """
     features, sprites = reel.features, reel.sprites
     # In which directions the fish are drawn.
@@ -153,7 +153,7 @@ def _rows_of_sprites(reel: Reel) -> tuple[Ints, Ints]:
 
 
 def _count_frames_ahead(features: pd.DataFrame) -> Ints:
-    """Return for each row how many frames of its track come after it."""
+    """Return for each row (n,) how many frames of its track come after it."""
     return features.groupby("track_id").cumcount(ascending=False).to_numpy()
 
 

@@ -206,7 +206,7 @@ def _describe_tracks(
 
 
 def _number_animals(joins: TrackJoins, row_counts: list[int]) -> NDArray[np.intp]:
-    """Return the number of each track's animal; animal 0 has the most rows."""
+    """Return the number (n,) of each track's animal; animal 0 has the most rows."""
     root = np.arange(len(row_counts))  # becomes the first track of each track's animal
     while (has_earlier := joins.predecessor[root] >= 0).any():
         root = np.where(has_earlier, joins.predecessor[root], root)

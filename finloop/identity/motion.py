@@ -68,7 +68,10 @@ def select_chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
 
 
 def _mean_velocity(frames: Reals, places: Floats, first: int, last: int) -> Floats:
-    """Return the mean velocity (2,), per frame, from row `first` to `last`; 0 for one row."""
+    """Return the mean velocity (2,) of an animal from row `first` to `last`; 0 for one row.
+
+    frames (k,), places (k, 2): of its track; the unit is that of the places, per frame.
+    """
     if len(frames) < 2:
         return np.zeros(2)
     return (places[last] - places[first]) / max(frames[last] - frames[first], 1)

@@ -57,7 +57,7 @@ class LoopGraph:
     endless: Mask
 
     def jump_targets(self, end: int) -> NDArray[np.int32]:
-        """Return the numbers of the loop ends to which an end allows a jump, nearest first."""
+        """Return the loop ends (k,), by number, to which an end allows a jump, nearest first."""
         return self.to[self.start[end] : self.start[end + 1]]
 
     @property

@@ -130,7 +130,10 @@ def _draw_light_change(numbers: list[int], read_frames: ReadFrames) -> FaultPict
 def _draw_shake(
     shifts: pd.DataFrame, tank: Picture, read_frames: ReadFrames
 ) -> FaultPicture | None:
-    """Return the frame in which the camera has moved farthest, laid over the empty tank."""
+    """Return the frame in which the camera has moved farthest, laid over the empty tank.
+
+    None if it has moved by less than a pixel.
+    """
     away = shifts - shifts.median()
     distance_px = np.hypot(away["shift_x"], away["shift_y"])
     number = int(distance_px.idxmax())

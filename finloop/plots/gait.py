@@ -365,7 +365,7 @@ def _draw_sheet(
 
 
 def _cell_size(rows: Sequence[Sequence[Pose]]) -> Points:
-    """Return the width and height of a cell that has room for any of the poses in rows."""
+    """Return the width and height (2,) of a cell that has room for any of the poses in rows."""
     least, greatest = _pose_bounds(rows)
     width, height = greatest - least
     return np.array([1.08 * width, 1.04 * height + 0.13 * width])  # with room for a title

@@ -76,7 +76,7 @@ def find_most_improper_loop(
 
 
 def loop_path_rows(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
-    """Return the rows of a loop's path: from a to b, or Δ/2 to both sides of its improper end.
+    """Return the rows (k,) of a loop's path: from a to b, or Δ/2 to each side of its improper end.
 
     Δ is the time in which motion is measured.
     """

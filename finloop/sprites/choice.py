@@ -523,9 +523,9 @@ def choose_frames(
 ) -> dict[str, ChosenFrames]:
     """Choose the film's frames for each sequence of sprites: those of the settings, else the best.
 
-    The result is by the names in `SEQUENCES`. A side without a turn gets the opposite turn,
-    mirrored. A film without a tail beat or a whole turn gets the best substitute. FinloopError if
-    the settings name frames that do not exist, or the fish never bends.
+    delta_frames: Δ in frames. The result is by the names in `SEQUENCES`. A side without a turn gets
+    the opposite turn, mirrored. A film without a tail beat or a whole turn gets the best
+    substitute. FinloopError if the settings name frames that do not exist, or the fish never bends.
     """
     typical_sharpness = _measure_typical_sharpness(table, draw_pictures)
 

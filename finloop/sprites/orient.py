@@ -100,7 +100,7 @@ def _sequence_rows(
 def _drawn_headings(
     table: pd.DataFrame, run: FrameRun, side: int, settings: SpritesSettings
 ) -> Floats:
-    """Return the headings [°] at which the frames of a run, and the next frame, are drawn.
+    """Return the headings (frames + 1,) [°] at which a run's frames and the next frame are drawn.
 
     side: of the turn that the run shows, 1 left, −1 right, 0: no turn.
     """

@@ -129,7 +129,7 @@ class LiveAnimals:
     def _store_sighting(self, sighting: Sighting, source: str, arrived_s: float) -> Verdict:
         """Store one sighting, unless it is refused; return the verdict on it (`Verdict`).
 
-        arrived_s: session time of its message, s.
+        source: the sender's name; arrived_s: session time of its message, s.
         """
         name = str(sighting.id)
         track = self._tracks.get(name)

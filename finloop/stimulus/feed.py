@@ -98,7 +98,10 @@ class Feed:
         return [*pictures, self._recent_states[tick]]
 
     def frame_messages(self, number: int, states: States) -> list[bytes]:
-        """Return the messages of a replayed frame: pictures that the page lacks, then states."""
+        """Return the messages of a replayed frame: pictures that the page lacks, then states.
+
+        number: of the frame. states (fish, fields): of its fish.
+        """
         frame = pack_message({"kind": "frame", "number": number}, states.tobytes())
         return [*self.picture_messages(states), frame]
 

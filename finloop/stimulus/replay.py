@@ -155,9 +155,9 @@ class _SessionPlanner:
         self._replanned: States | None = None  # the last tick, planned again as an animal had moved
 
     def handle_trial(self, facts: dict[str, Any]) -> None:
-        """Begin or end a trial; facts: content of the log's row about it.
+        """Begin or end a trial, as a row of the log says; plan its motion if it ignores animals.
 
-        A motion that reacts to animals is planned tick by tick, all others at the beginning.
+        facts: content of that row. A motion that reacts to animals is planned tick by tick, later.
         """
         if facts["what"] == "start":
             trial = Trial(**{key: facts[key] for key in Trial._fields})

@@ -138,7 +138,10 @@ def _view_from_side(tank: TankSize, fish: Reals, rate_hz: float) -> CameraViews:
 
 
 def _view_tour(tank: TankSize, fish: Reals, heading: Reals, rate_hz: float) -> CameraViews:
-    """Return views that pass smoothly through the scenes in `_SCENES`, again and again."""
+    """Return views that pass smoothly through the scenes in `_SCENES`, again and again.
+
+    fish, heading, rate_hz: as in `camera_views`.
+    """
     # For each tick: the number of its scene, and its share (ticks, 1), as it is blended in.
     ticks = np.arange(len(fish))
     time_s, ends_s = ticks / rate_hz, np.cumsum([seconds for _, seconds in _SCENES])
