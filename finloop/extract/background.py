@@ -88,8 +88,9 @@ class _LightMeter:
         if not len(self._levels):
             return 1.0
         # The median of the ratios; np.median takes twice as long.
-        ratios = np.sort(frame[::_GRID, ::_GRID][self._lit] / self._levels)
-        gain = float(ratios[(len(ratios) - 1) // 2] + ratios[len(ratios) // 2]) / 2
+        middle = (len(self._levels) - 1) // 2, len(self._levels) // 2
+        ratios = np.partition(frame[::_GRID, ::_GRID][self._lit] / self._levels, middle)
+        gain = float(ratios[middle[0]] + ratios[middle[1]]) / 2
         return gain if gain > 0 else 1.0
 
     def measure_channels(self, frame: Picture, gain: float, threshold: float) -> Floats | None:

@@ -111,21 +111,27 @@ def one_piece(alpha: Picture, silhouette: Mask, corner: tuple[int, int]) -> Pict
     """
     visible = cv2.threshold(alpha, _VISIBLE - 1, 1, cv2.THRESH_BINARY)[1]
     if cv2.connectedComponents(visible)[0] > 2:  # more than the ground and one piece
-        closed = cv2.morphologyEx(alpha, cv2.MORPH_CLOSE, np.ones((_BRIDGE, _BRIDGE), np.uint8))
-        alpha = _bridge_gaps(alpha, closed, visible)
+        alpha = _bridge_gaps(alpha, visible)
     return _connect(alpha, silhouette, corner)
 
 
-def _bridge_gaps(alpha: Picture, closed: Picture, visible: Picture) -> Picture:
-    """Return alpha (h, w) with the gaps before its detached visible pieces taken from `closed`."""
+def _bridge_gaps(alpha: Picture, visible: Picture) -> Picture:
+    """Return alpha (h, w), closed in the gaps before its detached visible pieces."""
     _, piece, stats, _ = cv2.connectedComponentsWithStats(visible)
     largest = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
     detached = ((piece > 0) & (piece != largest)).astype(np.uint8)
-    near = [
-        cv2.dilate(part, np.ones((2 * _BRIDGE - 1, 2 * _BRIDGE - 1), np.uint8)) > 0
-        for part in (detached, (piece == largest).astype(np.uint8))
-    ]
-    return np.where(near[0] & near[1], closed, alpha)
+    # Only the surroundings of these pieces change; pixels up to 2 × _BRIDGE away decide how.
+    left, top, width, height = cv2.boundingRect(detached)
+    rows = slice(max(0, top - 2 * _BRIDGE), top + height + 2 * _BRIDGE)
+    columns = slice(max(0, left - 2 * _BRIDGE), left + width + 2 * _BRIDGE)
+    part = np.ascontiguousarray(alpha[rows, columns])
+    main = (piece[rows, columns] == largest).astype(np.uint8)
+    square = np.ones((2 * _BRIDGE - 1, 2 * _BRIDGE - 1), np.uint8)
+    near = cv2.dilate(detached[rows, columns], square) & cv2.dilate(main, square)
+    closed = cv2.morphologyEx(part, cv2.MORPH_CLOSE, np.ones((_BRIDGE, _BRIDGE), np.uint8))
+    bridged = alpha.copy()
+    bridged[rows, columns] = np.where(near > 0, closed, part)
+    return bridged
 
 
 @kernel
@@ -142,19 +148,19 @@ def _connect(alpha, silhouette, corner):  # type: ignore[no-untyped-def]
         for x in range(columns):
             if silhouette[y, x]:
                 result[top + y + 1, left + x + 1] = alpha[top + y, left + x]
-    changed = True
-    while changed:
-        changed = False
-        for turn in (1, -1):  # down and to the right, then back
-            for i in range(height):
-                y = i if turn == 1 else height - 1 - i
-                before, here = result[y + 1 - turn], result[y + 1]
-                for j in range(width):
-                    x = j if turn == 1 else width - 1 - j
-                    limit = alpha[y, x]
-                    if here[x + 1] < limit:
-                        most = max(before[x], before[x + 1], before[x + 2], here[x + 1 - turn])
-                        if min(most, limit) > here[x + 1]:
-                            here[x + 1] = min(most, limit)
-                            changed = True
+    passes, changed = 0, True
+    while changed or passes < 2:  # a pass down and to the right, then one back, and so on
+        turn, changed = 1 - 2 * (passes % 2), False
+        for i in range(height):
+            y = i if turn == 1 else height - 1 - i
+            before, here = result[y + 1 - turn], result[y + 1]
+            for j in range(width):
+                x = j if turn == 1 else width - 1 - j
+                limit = alpha[y, x]
+                if here[x + 1] < limit:
+                    most = max(before[x], before[x + 1], before[x + 2], here[x + 1 - turn])
+                    if min(most, limit) > here[x + 1]:
+                        here[x + 1] = min(most, limit)
+                        changed = True
+        passes += 1
     return result[1:-1, 1:-1].copy()
