@@ -236,8 +236,10 @@ def beam_search(
     """Return the outcome of every candidate (k,), and the rows of the best branch, by beam search.
 
     Branches go through the film and its jumps for `horizon_ticks`, at most to the last time of a
-    route. The rows (l,) are the first of each leg of the best branch. Where no branch leads on,
-    they are those of the cheapest of the branches that came farthest.
+    route. A branch that costs as much as a finished one of its candidate is dropped: what it has to
+    come is estimated, so this may lose a cheaper one. The rows (l,) are the first of each leg of
+    the best branch. Where no branch leads on, they are those of the cheapest of the branches that
+    came farthest.
     """
     route, most_ticks = objective.route, horizon_ticks
     due_points = points_due(route, start.tick, horizon_ticks + objective.steering.reach + 1)
@@ -341,6 +343,8 @@ def _extend_branches(search, beam, branch_count, leg, outcomes, best):  # type: 
                     outcomes.terms[candidate, t] = branch.terms[t]
             if branch.cost < best.cost:
                 best = BestBranch(branch.cost, leg + 1, number)
+        elif branch.cost >= outcomes.costs[candidate]:
+            branch.leads_on = False  # a finished branch of its candidate costs less
         elif graph.nodes[branch.row].plays_on:
             repeat = 0.0  # on a path repetition is free: else a fish would rather leave the path
             if not search.objective.route.x.size:
