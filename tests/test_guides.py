@@ -54,6 +54,10 @@ def test_every_value_that_is_advised_is_allowed(guide, tmp_path):
         left = [one for one in left if one not in now.items()]
         now |= {"clip.path": "film.mp4"}
         prepare(tmp_path, "clip=file", *(f"{key}={value}" for key, value in sorted(now.items())))
+        composed = yaml.safe_load((tmp_path / "params.yaml").read_text(encoding="utf-8"))
+        for key, value in now.items():
+            group, name = key.split(".")
+            assert composed[group][name] == yaml.safe_load(value), key
 
 
 @pytest.mark.parametrize(

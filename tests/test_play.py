@@ -493,7 +493,11 @@ def test_a_path_no_longer_than_a_goal_is_one_and_none_leads_out_of_the_tank():
 def test_a_tank_with_room_for_no_path_is_opened_all_the_same():
     side = round(1.2 * LENGTH) + 6
     room = arena_tank(np.ones((side, side), bool), 0.6 * LENGTH)
-    warm_up_paths(matching_of(film_world_of(room_=room)))
+    player = matching_of(film_world_of(room_=room))
+    warm_up_paths(player)
+    tank = LiveTank({"matching": player}, "matching", 1, 0)
+    tank.follow_path(0, [(5.0, 5.0), (side - 5.0, side - 5.0)])
+    assert tank.fish[0].path_task is None and tank.fish[0].goal is not None
 
 
 def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():
