@@ -214,10 +214,13 @@ def test_the_command_writes_every_format(tmp_path, ending, capsys):
 
 
 def test_the_command_counts_folds(tmp_path, capsys):
-    eight = save_svg(tmp_path / "a.svg", '<path id="eight" d="M9 9L60 60V9L9 60z"/>')
+    star = '<path id="star" d="M50 5L76 86L7 36H93L24 86z"/>'
+    eight = save_svg(tmp_path / "a.svg", '<path id="eight" d="M9 9L60 60V9L9 60z"/>' + star)
     given = [eight, eight, "-o", str(tmp_path / "o.json"), "--method", "linear", "--frames", "3"]
     assert main(given) == 0
-    assert "folds: eight in 3 of 3 frames" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "folds: eight in 3, star in 3 of 3 frames" in said
+    assert "painted by the even-odd rule, though fill-rule is nonzero: star" in said
 
 
 def test_the_command_from_end_to_end(tmp_path):
