@@ -73,8 +73,9 @@ def nearest_on_curve(points: Floats, curve: Curve) -> tuple[Floats, Floats]:
     A position is the number of a point of the curve plus the share of the way to the next. A gap
     leads from there to the given point.
     """
-    given = (np.ascontiguousarray(values, np.float64) for values in (points, curve.points))
-    return _nearest_places(*given, curve.closed)
+    places = np.ascontiguousarray(points, np.float64)
+    line = np.ascontiguousarray(curve.points, np.float64)
+    return _nearest_places(places, line, curve.closed)
 
 
 @kernel
