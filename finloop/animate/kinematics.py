@@ -64,7 +64,7 @@ class Turning(NamedTuple):
 
 
 @leaf_kernel
-def rotate_by_cos_sin(dx: float, dy: float, cos: float, sin: float):  # type: ignore[no-untyped-def]
+def rotate_by_cos_sin(dx: float, dy: float, cos: float, sin: float) -> tuple[float, float]:
     """Return a displacement dx, dy on screen (y down), turned anticlockwise by an angle.
 
     cos, sin: of the angle.
@@ -73,7 +73,7 @@ def rotate_by_cos_sin(dx: float, dy: float, cos: float, sin: float):  # type: ig
 
 
 @leaf_kernel
-def rotate(dx: float, dy: float, angle_deg: float):  # type: ignore[no-untyped-def]
+def rotate(dx: float, dy: float, angle_deg: float) -> tuple[float, float]:
     """Return a displacement dx, dy on screen (y down), turned anticlockwise by `angle_deg`."""
     angle = np.radians(angle_deg)
     return rotate_by_cos_sin(dx, dy, np.cos(angle), np.sin(angle))
@@ -106,7 +106,9 @@ def turn_towards_aim(picture_turn: float, aim_error: float, most_correction: flo
 
 
 @leaf_kernel
-def offset_point(x: float, y: float, heading: float, forward: float, sideways: float):  # type: ignore[no-untyped-def]
+def offset_point(
+    x: float, y: float, heading: float, forward: float, sideways: float
+) -> tuple[float, float]:
     """Return the point `forward` px ahead of x, y px along a heading, and `sideways` px left."""
     angle = np.radians(heading)
     cos, sin = np.cos(angle), np.sin(angle)
@@ -129,7 +131,9 @@ def touches_target(x: float, y: float, heading: float, target: Target) -> bool:
 
 
 @kernel
-def swim_ahead(legal: Mask, start: Floats, swim: StraightSwim, goal: Target):  # type: ignore[no-untyped-def]
+def swim_ahead(
+    legal: Mask, start: Floats, swim: StraightSwim, goal: Target
+) -> tuple[Floats, int, int]:
     """Swim straight on; return the trajectory, the number of safe ticks, and the tick of touch.
 
     legal (h, w): where the fish's centre may be; start (3,): x, y px, heading in degrees; swim:
@@ -157,9 +161,9 @@ def swim_ahead(legal: Mask, start: Floats, swim: StraightSwim, goal: Target):  #
 
 
 @kernel
-def swim_turn(  # type: ignore[no-untyped-def]
+def swim_turn(
     legal: Mask, start: Floats, swim: Turning, goal: Target, aim: Target, fastest: float
-):  # fmt: skip
+) -> tuple[Floats, bool, int]:
     """Swim a turn to an aim; return the trajectory, whether it is possible, and the tick of touch.
 
     legal (h, w): where the fish's centre may be; start (3,): x, y px, heading in degrees; aim: the

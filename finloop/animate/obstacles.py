@@ -139,7 +139,9 @@ def make_obstacles(
 
 
 @kernel
-def _places_of_others(trajectories, begins, ticks, fish, tick):  # type: ignore[no-untyped-def]
+def _places_of_others(
+    trajectories: Floats, begins: Ints, ticks: Ints, fish: int, tick: int
+) -> Floats:
     """Return where all fish but `fish` will be from `tick` on, as planned: (n, m, 4).
 
     See `Plans.places_of_others`. trajectories (fish, t, 4): of all fish; begins, ticks (fish,):
@@ -216,7 +218,7 @@ def _disc_table(outlines: Reals) -> Floats:
 
 
 @kernel
-def _cover_outlines(outlines):  # type: ignore[no-untyped-def]
+def _cover_outlines(outlines: Reals) -> Floats:
     """Return the discs (n, k, 3) that cover outlines (n, p, 2), one for each slice of the length.
 
     A disc: px ahead of and to the left of the mass centre, and radius. The outline is cut across
@@ -242,7 +244,7 @@ def _cover_outlines(outlines):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _widen_slices(extents, ahead, left):  # type: ignore[no-untyped-def]
+def _widen_slices(extents: Floats, ahead: tuple[float, float], left: tuple[float, float]) -> None:
     """Widen the slices of a body, in place, where one edge of its outline crosses them.
 
     extents (k, 2): least and most px to the left in each slice. ahead, left: pairs, one value per
@@ -268,10 +270,12 @@ def is_clear_of_fish(
 
 
 @leaf_kernel
-def _is_clear_of_first(obstacles, count, picture, pose, tick):  # type: ignore[no-untyped-def]
+def _is_clear_of_first(
+    obstacles: Obstacles, count: int, picture: int, pose: tuple[float, float, float], tick: int
+) -> bool:
     """Return whether a picture at a pose meets none of the first `count` fish at a tick.
 
-    obstacles: `Obstacles`; picture: its number; pose: x, y px, heading in degrees.
+    picture: its number; pose: x, y px, heading in degrees.
     """
     others, near_px2, (x, y, heading) = obstacles.places, 4.0 * obstacles.discs.reach**2, pose
     if count == 0:
@@ -287,7 +291,9 @@ def _is_clear_of_first(obstacles, count, picture, pose, tick):  # type: ignore[n
 
 
 @leaf_kernel
-def is_clear_in_search(obstacles, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
+def is_clear_in_search(
+    obstacles: Obstacles, picture: int, x: float, y: float, heading: float, tick: int
+) -> bool:
     """Return whether a picture at x, y px and a heading meets no fish that a search considers.
 
     picture: its number; heading: degrees. Only the first `obstacles.near_count` fish count, and
@@ -298,7 +304,10 @@ def is_clear_in_search(obstacles, picture, x, y, heading, tick):  # type: ignore
 
 
 @leaf_kernel
-def _do_discs_overlap(discs, picture, heading, other, other_heading, dx, dy):  # type: ignore[no-untyped-def]
+def _do_discs_overlap(
+    discs: Discs, picture: int, heading: float, other: int, other_heading: float, dx: float,
+    dy: float,
+) -> bool:  # fmt: skip
     """Return whether the discs of two pictures overlap, the other one dx, dy px (y down) away.
 
     picture, other: their numbers; heading, other_heading: degrees.
@@ -320,7 +329,7 @@ def _do_discs_overlap(discs, picture, heading, other, other_heading, dx, dy):  #
 
 
 @leaf_kernel
-def disc_orientation(discs, picture, heading):  # type: ignore[no-untyped-def]
+def disc_orientation(discs: Discs, picture: int, heading: float) -> tuple[int, float, float, float]:
     """Return where a picture's discs are in the table, and how to turn them: row, side, cos, sin.
 
     picture: a row of the film; `discs.frames` + row for its mirror image; −1 − s for sprite s,
@@ -352,7 +361,9 @@ def count_ticks_before_meeting(
 
 
 @leaf_kernel
-def can_stay(obstacles: Obstacles, picture: int, pose, tick: int) -> bool:  # type: ignore[no-untyped-def]
+def can_stay(
+    obstacles: Obstacles, picture: int, pose: tuple[float, float, float] | Floats, tick: int
+) -> bool:
     """Return whether a picture can stay at a pose from a tick on and never meet another fish.
 
     picture: its number; pose: x, y px, heading in degrees. Walls are not tested.

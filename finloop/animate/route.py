@@ -67,7 +67,7 @@ def is_route_done(route: Route, along_px: float, tick: int) -> bool:
 
 
 @finite_leaf
-def _points_around(route: Route, along_px: float):  # type: ignore[no-untyped-def]
+def _points_around(route: Route, along_px: float) -> tuple[int, int, float]:
     """Return the indices of the two route points around `along_px`, and the fraction between them.
 
     The fraction rises from 0 at the point before to 1 at the one after. At the end of a path that
@@ -86,7 +86,7 @@ def _points_around(route: Route, along_px: float):  # type: ignore[no-untyped-de
 
 
 @finite_leaf
-def point_along(route: Route, along_px: float):  # type: ignore[no-untyped-def]
+def point_along(route: Route, along_px: float) -> tuple[float, float]:
     """Return the point x, y, px, that lies `along_px` along a route."""
     before, after, share = _points_around(route, along_px)
     x = route.x[before] + share * (route.x[after] - route.x[before])
@@ -119,7 +119,9 @@ def nearest_search_start(route: Route, along_px: float, tick: int) -> float:
 
 
 @finite_leaf
-def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
+def find_nearest_on_route(
+    route: Route, x: float, y: float, along_px: float
+) -> tuple[float, float, float]:
     """Return the place on a route nearest to x, y px: px along the route, and its own x, y px.
 
     It is sought from `along_px` on, and not far ahead: the farther the given point is from the
@@ -160,7 +162,7 @@ def find_nearest_on_route(route: Route, x: float, y: float, along_px: float):  #
 
 
 @finite_leaf
-def _find_nearest_point(route: Route, x: float, y: float, along_px: float):  # type: ignore[no-untyped-def]
+def _find_nearest_point(route: Route, x: float, y: float, along_px: float) -> tuple[int, int]:
     """Find the route point nearest to x, y px; return how many points ahead it is, and its index.
 
     It is sought from the last point before `along_px` on. At least `route.ahead` points are

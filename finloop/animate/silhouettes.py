@@ -77,7 +77,9 @@ class FrameOutlines:
 
 
 @kernel
-def _to_body_axes(points, centres, headings_rad, scale):  # type: ignore[no-untyped-def]
+def _to_body_axes(
+    points: Reals, centres: Floats, headings_rad: Floats, scale: Floats
+) -> NDArray[np.float32]:
     """Return points (n, k, 2) of the film as px ahead and left of each mass centre, as drawn.
 
     points: x, y px as filmed; centres (n, 2): x, y px; headings_rad (n,); scale (n,): drawn /
@@ -93,7 +95,7 @@ def _to_body_axes(points, centres, headings_rad, scale):  # type: ignore[no-unty
 
 
 @kernel
-def _reach_from_centre(points, centres):  # type: ignore[no-untyped-def]
+def _reach_from_centre(points: Reals, centres: Reals) -> Floats:
     """Return the largest distance (n,) of points (n, k, 2) from their centres (n, 2), px."""
     squares = np.zeros(len(points))
     for row in range(len(points)):

@@ -6,7 +6,7 @@ from finloop.base.kernel import kernel
 
 
 @kernel
-def keys_cubic_weights(t):  # type: ignore[no-untyped-def]
+def keys_cubic_weights(t: float) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Return the weights of pixels −1, 0, 1 and 2 in Keys' cubic interpolation, four float32.
 
     t: place in [0, 1) between pixel 0 and pixel 1. Keys' parameter a is −1/2.

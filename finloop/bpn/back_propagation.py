@@ -47,7 +47,7 @@ def draw_first_weights(hidden_units: int, rng: np.random.Generator) -> Floats:
 
 
 @for_kernels
-def split_layers(weights):  # type: ignore[no-untyped-def]
+def split_layers(weights: Floats) -> tuple[Floats, Floats]:
     """Return the hidden layer (hidden, 5) and the output layer (2, hidden + 1) of flat weights.
 
     Both are views; a row has the weights of one unit, its bias last.
@@ -58,7 +58,7 @@ def split_layers(weights):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def unit_output(weights, signals):  # type: ignore[no-untyped-def]
+def unit_output(weights: Floats, signals: Floats) -> float:
     """Return the output of one unit, 0 … 1: the sigmoid of its weighted inputs (Fig. 6).
 
     weights, signals: (k,); the last signal is 1, so the last weight is the bias.
@@ -70,7 +70,9 @@ def unit_output(weights, signals):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def learn_epoch(x, t, weights, velocity, learning_rate, momentum):  # type: ignore[no-untyped-def]
+def learn_epoch(
+    x: Floats, t: Floats, weights: Floats, velocity: Floats, learning_rate: float, momentum: float
+) -> None:
     """Train the network once on every row by back-propagation (§3.1), in place.
 
     x (n, 5): scaled inputs and a 1; t (n, 2): scaled targets, in 0 … 1; both are used in their

@@ -157,7 +157,7 @@ def predict_next_mean(net: KernelWeights, past: Weights, out: Floats, hidden: We
 
 
 @finite_leaf
-def _compute_layer(x, weights, bias, out):  # type: ignore[no-untyped-def]
+def _compute_layer(x: Weights, weights: Weights, bias: Weights, out: Weights) -> None:
     """Write the output of one layer, SiLU(x · weights + bias), into `out` (units,)."""
     for j in range(out.size):
         out[j] = bias[j]

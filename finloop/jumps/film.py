@@ -182,7 +182,7 @@ def _nearest_by_passage(
 
 
 @kernel
-def _is_same_passage(track, first, second, least):  # type: ignore[no-untyped-def]
+def _is_same_passage(track: Ints, first: int, second: int, least: int) -> bool:
     """Return whether two targets lie in one track, on one side, less than `least` rows apart.
 
     track (n,): ids; first, second: numbers of targets: rows of the film, from n on their mirror

@@ -129,7 +129,9 @@ def renumber_groups(
 
 
 @kernel
-def find_endless_rows(has_next, end, start, to):  # type: ignore[no-untyped-def]
+def find_endless_rows(
+    has_next: Mask, end: NDArray[np.integer], start: NDArray[np.integer], to: NDArray[np.integer]
+) -> Mask:
     """Return a mask (n,) of the rows from which the film can play for ever, on or by jumps.
 
     has_next (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for

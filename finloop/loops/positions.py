@@ -20,7 +20,7 @@ Rows = NDArray[np.integer]
 
 
 @kernel
-def quadrant_of_displacement(dx, dy):  # type: ignore[no-untyped-def]
+def quadrant_of_displacement(dx: float, dy: float) -> int:
     """Return the quadrant, 1 … 4, into which a displacement points (Fig. 11b).
 
     1 upper right, 2 upper left, 3 lower left, 4 lower right. dx, dy: in any unit, y up. An axis

@@ -184,13 +184,16 @@ def filter_diagonals(
 
 
 @kernel
-def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # type: ignore[no-untyped-def]
+def find_local_minima(
+    pairs: SparseDistanceMap, filtered: NDArray[np.float32], track: NDArray[np.int32],
+    radius_frames: int, least_frames: int,
+) -> Mask:  # fmt: skip
     """Return a mask (pairs,) of the pairs (a, b) that are local minima of the filtered distance.
 
-    pairs: a `SparseDistanceMap`; filtered: from `filter_diagonals`; track: of every feature row.
-    Each is the smallest within `radius_frames` along a and along b, inside the two tracks; of equal
-    ones the first. In one track b is at least `least_frames` after a; nearer pairs are no loops,
-    but a pair on a slope down to them is no minimum.
+    filtered: from `filter_diagonals`; track: of every feature row. Each is the smallest within
+    `radius_frames` along a and along b, inside the two tracks; of equal ones the first. In one
+    track b is at least `least_frames` after a; nearer pairs are no loops, but a pair on a slope
+    down to them is no minimum.
     """
     start, column = pairs.start, pairs.j
     minimum = np.zeros(len(column), np.bool_)
@@ -222,7 +225,7 @@ def find_local_minima(pairs, filtered, track, radius_frames, least_frames):  # t
 
 
 @kernel
-def choose_best_loops(a, b, most_per_end):  # type: ignore[no-untyped-def]
+def choose_best_loops(a: Rows, b: Rows, most_per_end: int) -> Mask:
     """Return a mask (n,) of the loops to keep so that no frame is an end of too many of them.
 
     a, b (n,): the loops' ends (feature rows), the best loop first.

@@ -294,17 +294,18 @@ def mark_loop_ends(film: MotionGraph) -> Mask:
 
 
 @kernel
-def _roll_out_candidates(  # type: ignore[no-untyped-def]
-    film, legal, ends, candidates, place_px, goal, least_rows, most_deg
-):  # fmt: skip
+def _roll_out_candidates(
+    film: MotionGraph, legal: Mask, ends: Mask, candidates: Candidates,
+    place_px: tuple[float, float], goal: Target, least_rows: int, most_deg: float,
+) -> tuple[Ints, Floats, Mask, NDArray[np.int8], NDArray[np.int8], Ints]:  # fmt: skip
     """Play the film on from each candidate (k,); return the six columns of `RollOuts`.
 
     Each candidate is played on as long as it stays in the tank. Of the loop ends that pass the
     tests, the one nearest to the goal gives ticks, distance, touch, quadrant and verdict; the last
     column is the ticks to the one nearest to the goal of all. legal (h, w): where the fish's centre
-    may be; ends (n,): whether a roll-out may end at a row; place_px: x, y of the first place; goal:
-    `Target`; least_rows: to show after a jump; most_deg: largest angle between the first heading
-    and the direction of the loop end (Fig. 13).
+    may be; ends (n,): whether a roll-out may end at a row; place_px: x, y of the first place;
+    least_rows: to show after a jump; most_deg: largest angle between the first heading and the
+    direction of the loop end (Fig. 13).
     """
     count = candidates.rows.size
     ticks, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
@@ -345,7 +346,10 @@ def _roll_out_candidates(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def ticks_to_marked_row(film, legal, marked, candidates, place_px):  # type: ignore[no-untyped-def]
+def ticks_to_marked_row(
+    film: MotionGraph, legal: Mask, marked: Mask, candidates: Candidates,
+    place_px: tuple[float, float],
+) -> Ints:  # fmt: skip
     """Return how many ticks each candidate (k,) plays until a marked row is shown; 0: never.
 
     candidates: rows and rotations. The marked row counts as shown. It is never shown if the fish

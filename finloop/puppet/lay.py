@@ -28,6 +28,9 @@ _SEAM = 1e-9  # px by which steps overlap, so that rounding leaves no hole
 _STRIDE = 2.0  # px between the places where alpha is sampled
 _UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)  # else numba takes float64
 
+Rgba = tuple[np.float32, np.float32, np.float32, np.float32]
+Corner = tuple[int | np.int64, int | np.int64]  # row and column of a pixel
+
 
 class DrawingMode(NamedTuple):
     """How a film's picture is drawn in another pose: scale, side and filter.
@@ -108,7 +111,7 @@ def plan_strips(
 
 
 @finite_leaf
-def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
+def _shortest_section(limits: Floats, i: int) -> float:
     """Return the shortest of the lengths [px], left and right, of both sections around step i.
 
     limits (m, 2): length of each section on its left and right.
@@ -119,7 +122,7 @@ def _shortest_section(limits, i):  # type: ignore[no-untyped-def]
 @finite_kernel
 def paint_strips(
     canvas: NDArray[np.float32], film: NDArray[np.float32], layout: StripLayout, mode: DrawingMode,
-    corner: tuple[int, int], along: NDArray[np.float32],
+    corner: Corner, along: NDArray[np.float32],
 ) -> None:  # fmt: skip
     """Draw a film's picture into a canvas along another backbone, by a plan of `plan_strips`.
 
@@ -134,7 +137,7 @@ def paint_strips(
 
 
 @finite_kernel
-def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
+def _visible_reach(film: NDArray[np.float32], strip: Strip) -> Floats:
     """Return how far [px] the animal is visible to either side of each backbone step, (m - 1, 2).
 
     film: (h, w, c), alpha last. From far outside, a ray along each side of a section is followed
@@ -175,7 +178,7 @@ def _visible_reach(film, strip):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _section_at(strip, i):  # type: ignore[no-untyped-def]
+def _section_at(strip: Strip, i: int) -> Section:
     """Return cross-section i of a `Strip` as a `Section`."""
     return Section(
         strip.points[i, 0], strip.points[i, 1], strip.normals[i, 0], strip.normals[i, 1],
@@ -184,7 +187,7 @@ def _section_at(strip, i):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
+def _row_span(y: int, front: Section, rear: Section) -> tuple[float, float]:
     """Return the lowest and highest x [px] at which row y of pixels is between two sections.
 
     front, rear: the sections that bound a step, the front one nearer to the head. Bounds are
@@ -206,14 +209,16 @@ def _row_span(y, front, rear):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _paint_step(canvas, film, layout, i, mode, corner, along_body):  # type: ignore[no-untyped-def]
+def _paint_step(
+    canvas: NDArray[np.float32], film: NDArray[np.float32], layout: StripLayout, i: int,
+    mode: DrawingMode, corner: Corner, along_body: NDArray[np.float32],
+) -> None:  # fmt: skip
     """Draw the part of the animal along step i of its backbone into the canvas, in place.
 
-    canvas: (H, W, c), 0 … 1; film: (h, w, c), 0 … 255; both premultiplied, alpha last. layout:
-    `StripLayout`; mode: `DrawingMode`; corner: row and column of the canvas's first pixel in the
-    picture; along_body: `along` of `paint_strips`. For each pixel between the step's two
-    sections: its place beside and along the new backbone, the place of that in the film, and the
-    film's colour there.
+    canvas: (H, W, c), 0 … 1; film: (h, w, c), 0 … 255; both premultiplied, alpha last. corner: row
+    and column of the canvas's first pixel in the picture; along_body: `along` of `paint_strips`.
+    For each pixel between the step's two sections: its place beside and along the new backbone, the
+    place of that in the film, and the film's colour there.
     """
     height, width, channels = canvas.shape
     front, rear = _section_at(layout.new_strip, i), _section_at(layout.new_strip, i + 1)
@@ -264,12 +269,14 @@ def _paint_step(canvas, film, layout, i, mode, corner, along_body):  # type: ign
 
 
 @finite_kernel
-def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
+def _strip_place(
+    x: int, y: int, front: Section, rear: Section, share: float
+) -> tuple[float, float]:
     """Return a pixel's coordinates [px] on a strip: beside the backbone (+ = left), and along it.
 
     Along is positive towards the tail, and counts from the section at `share` (0 … 1) between the
-    sections `front` and `rear` (a `Section` each). Beside is measured as if the backbone were
-    straight (`unsqueeze_offset`).
+    sections `front` and `rear`. Beside is measured as if the backbone were straight
+    (`unsqueeze_offset`).
     """
     nx, ny = front.nx + share * (rear.nx - front.nx), front.ny + share * (rear.ny - front.ny)
     dx = x - front.x - share * (rear.x - front.x)
@@ -282,7 +289,9 @@ def _strip_place(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _film_place(beside, along, share, front, rear):  # type: ignore[no-untyped-def]
+def _film_place(
+    beside: float, along: float, share: float, front: Section, rear: Section
+) -> tuple[float, float]:
     """Return the film's pixel (u, v) for a place [px] beside and along the backbone.
 
     This undoes `_strip_place`, with the film's sections `front` and `rear`. (HIDDEN, HIDDEN) where
@@ -301,7 +310,7 @@ def _film_place(beside, along, share, front, rear):  # type: ignore[no-untyped-d
 
 
 @finite_leaf
-def _sample_linearly(film, u, v):  # type: ignore[no-untyped-def]
+def _sample_linearly(film: NDArray[np.float32], u: float, v: float) -> Rgba:
     """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film, bilinear."""
     column, row = math.floor(u), math.floor(v)
     du, dv = np.float32(u - column), np.float32(v - row)
@@ -310,7 +319,7 @@ def _sample_linearly(film, u, v):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
+def _sample_cubically(film: NDArray[np.float32], u: float, v: float) -> Rgba:
     """Return red (or grey), green, blue, alpha, 0 … 1, at u, v px of a film, bicubic.
 
     They are interpolated by Keys' cubic filter.
@@ -330,7 +339,13 @@ def _sample_cubically(film, u, v):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
+def _sum_pixels(
+    film: NDArray[np.float32],
+    left: int,
+    top: int,
+    across: tuple[np.float32, ...],
+    down: tuple[np.float32, ...],
+) -> Rgba:
     """Return the weighted sum of a square of pixels: red (or grey), green, blue, alpha.
 
     left, top: its first pixel; across, down: weights of columns and rows. Outside its borders the
@@ -438,11 +453,13 @@ def nearest_in_pose(film: PictureSet, pairs: CandidatePairs, unit: float, count:
 
 
 @finite_kernel
-def _distance_in_pose(film, row, other, mirrored, canvas):  # type: ignore[no-untyped-def]
+def _distance_in_pose(
+    film: PictureSet, row: int, other: int, mirrored: bool, canvas: NDArray[np.float32]
+) -> float:
     """Return how different two pictures look, the second drawn in the pose of the first (Eq. 5).
 
-    film: `PictureSet`; canvas: (s, s, c), overwritten. If the second is nearer as filmed (mirrored,
-    if so), that distance counts.
+    canvas: (s, s, c), overwritten. If the second is nearer as filmed (mirrored, if so), that
+    distance counts.
     """
     pictures, postures, size_px = film
     side, channels = pictures.shape[1], pictures.shape[3]

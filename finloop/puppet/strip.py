@@ -77,7 +77,7 @@ def cross_sections(line: PlacedBackbone) -> Strip:
 
 
 @finite_kernel
-def _section_limits(points, normals):  # type: ignore[no-untyped-def]
+def _section_limits(points: Floats, normals: Floats) -> Floats:
     """Return how far (m, 2) [px], left and right, cross-sections extend before two of them meet.
 
     points, normals (m, 2): of the sections; normals point to the animal's left. A limit is the
@@ -110,7 +110,7 @@ def _section_limits(points, normals):  # type: ignore[no-untyped-def]
 
 
 @finite_kernel
-def _is_nearest_to_end(points, i, end):  # type: ignore[no-untyped-def]
+def _is_nearest_to_end(points: Floats, i: int | np.int64, end: int | np.int64) -> bool:
     """Return whether the nearest backbone point of point i, beyond an end, is that end.
 
     end: row of the head or tail end. 1 % is tolerated.
