@@ -134,7 +134,10 @@ class _FrameCorrector:
         return undo_shift(frame, self._last, gains)
 
     def correct_frames(self, frames: NumberedFrames) -> NumberedFrames:
-        """Yield frames with corrected brightness and shift; times and numbers do not change."""
+        """Yield frames with corrected brightness and shift, and store what was corrected.
+
+        Times and numbers of the frames do not change.
+        """
         for time_s, (number, frame) in frames:
             yield time_s, (number, self.correct_frame(frame))
 
@@ -255,9 +258,10 @@ def _write_planned_version(
 
 
 def _count_repeats(sample: _Version, source: ClipSource, advance: Callable[[], None]) -> _Version:
-    """Read a whole film; return its sample's version with the repeats of all frames.
+    """Measure the repeated frames of a whole film; return its sample's version with these numbers.
 
-    Without a constant rate there are none to drop. `advance()` is called after each frame.
+    Repeats have no rate, so that none are dropped, if the film's own rate is not constant, or
+    frames are lost. `advance()` is called after each frame.
     """
     timing, changes, last = FrameCounts(), list[float](), None
     for frames in source.streams:

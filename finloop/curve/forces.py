@@ -254,9 +254,10 @@ def _find_holds(is_held: NDArray[np.bool_] | None, response: Floats) -> list[_Ho
 
 
 def _constrain(state: Floats, rest: Floats, forces: Forces, holds: Sequence[_Hold]) -> bool:
-    """Put held points back, and raise points to the floor; return whether any moved.
+    """Put held points back, and raise points to the floor; return whether any may have moved.
 
-    state (2, n, k, 2): displacements and velocities, changed in place; rest (n, k, 2).
+    state (2, n, k, 2): displacements and velocities, changed in place: points on the floor also
+    lose speed. rest (n, k, 2): places at rest; holds: one for each curve with held points.
     """
     displacement, velocity = state
     moved = bool(holds)

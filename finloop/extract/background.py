@@ -308,7 +308,8 @@ def measure_scene(
 def _signed_difference(background: Picture, frame: Picture) -> NDArray[np.float32]:
     """Return the signed, smoothed difference of a frame from the tank at every second pixel.
 
-    Of three colour channels the one that differs most counts.
+    Of three colour channels the one that differs most counts. The tank is first made as bright as
+    the frame.
     """
     change = frame.astype(np.float32) - relative_brightness(frame, background) * background.astype(
         np.float32

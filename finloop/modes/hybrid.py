@@ -164,8 +164,8 @@ class Hybrid:
     def leave_film(self, fish: Fish, roll_outs: RollOuts, goal: Target) -> Stretch:
         """Return a stretch of one tick that leaves the film by a gateway to a straight sprite.
 
-        The row on screen has such a gateway. roll_outs: of the film's candidates, which the
-        decision counts.
+        The row on screen has such a gateway. roll_outs: those of the candidates in the film; the
+        decision says how many fail each test.
         """
         sprite, turn, seam = next(
             gateway for gateway in self.gateways.out_of[fish.row] if gateway[0] in self._cycle_place

@@ -170,9 +170,11 @@ def _find_simple_path(first: Points, second: Points, layout: ContourLayout, pinn
 
 
 def _candidate_starts(a: Points, b: Points) -> list[int]:
-    """Return the points of polygon b that may correspond to point 0 of a.
+    """Return numbers of points of polygon b that may correspond to point 0 of a: at most seven.
 
-    a, b (k, n, 2): poses of both, simplified step by step. A fit is a local minimum of the misfit.
+    They are 0, and those at which the polygons fit best, if they are more than 1/32 of the points
+    apart. a, b (k, n, 2): poses of both, simplified step by step; first, middle and last ones
+    count.
     """
     n, starts = a.shape[1], [0]
     for share in (0.0, 0.5, 1.0):  # the curves themselves, half simplified, and simplified

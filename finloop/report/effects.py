@@ -150,7 +150,8 @@ def _measure_effect(
 ) -> Effect:  # fmt: skip
     """Return the effect of a parameter on a measure, tested against that of the seeds.
 
-    raw, setting: measure and parameter in each run. cell, seeds: as in `_remove_seed_effects`.
+    raw, setting: measure and parameter in each run. cell, seeds: texts, equal for runs that differ
+    in their seeds alone, and for runs with the same seeds.
     """
     # The means of the parameter's values, and the spread between seeds.
     measure, freedom = _remove_seed_effects(raw, cell, seeds)

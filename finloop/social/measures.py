@@ -133,7 +133,8 @@ def compare_groups(
     """Return a table of the distances between the measures of simulated groups and of films.
 
     It has one row per group, film and measure: shoal, beside (the film), measure, median (of the
-    group), distance (Wasserstein's, in the unit of the measure).
+    group), distance (Wasserstein's, in the unit of the measure). films, shoals: their tables of
+    measures, `SCHOOL`, by name. A measure that a group or film lacks is left out.
     """
     rows = [
         (shoal, film, name, float(np.median(values_of_measure(table, name))), distance)

@@ -20,7 +20,7 @@ STRIP = 10, 130  # pictures, px
 
 
 def _draw_pictures() -> None:
-    """Draw where the network looks, and the windows whose pictures are most obviously false."""
+    """Draw where the network looks, looks.png, and the most obviously false crops, pictures.png."""
     names: list[str] = load_json(OUT / "looks.json", list, *remake_hint("realism"))
     looks = open_array(OUT / "looks.npy", (None,) * (4 if names else 1), "float32")
     shown = pd.read_csv(OUT / "pictures.csv")
