@@ -714,6 +714,8 @@ HANDLED = {
     "comments": lambda text: f"# by a program, version 2\n# of a film\n{text}",
     "Excel": lambda text: "sep=;\r\n" + text.replace(",", ";"),
     "tabs": lambda text: text.replace(",", "\t"),
+    "bars": lambda text: text.replace(",", "|"),
+    "spaces of no width": lambda text: text.replace(".5", ".5\u00a0"),
     "spaces": lambda text: text.replace(",", ", "),
     "quotes": lambda text: re.sub(r"[^,\n]+", lambda cell: f'"{cell[0]}"', text).replace(
         ".5", ",5"
@@ -768,6 +770,13 @@ def test_keypoints_that_belong_to_no_animal_are_left_out_and_named(tmp_path, cap
     assert "single has other keypoints than the animals (corner)" in capsys.readouterr().err
 
 
+def test_the_only_animal_is_known_beside_keypoints_of_nobody(tmp_path):
+    head = ["scorer,D,D,D,D", "individuals,single,single,a,a", "bodyparts,corner,corner,nose,nose"]
+    (tmp_path / "a.csv").write_text("\n".join([*head, "coords,x,y,x,y", "0,9,9,1,2"]))
+    poses = load_poses(tmp_path / "a.csv", None, 25.0)
+    assert poses.individuals == ("a",) and poses.places.tolist() == [[[1, 2]]]
+
+
 def test_the_analysis_csv_of_sleap_is_read(tmp_path):
     rows = ["b,4,0.9,7,8,0.7,,,", "a,0,0.9,1,2,0.9,3,4,0.8", "a,4,0.9,5,6,0.9,,,"]
     head = "track,frame_idx,instance.score,nose.x,nose.y,nose.score,tail.x,tail.y,tail.score"
@@ -816,6 +825,8 @@ def test_labelled_pictures_and_half_a_head_are_no_tracks(tmp_path):
     for text, said in (
         (head + "labeled-data/a/img1.png,1,2\n", "its rows are named"),
         ("scorer,D,D\nbodyparts,nose,nose\n0,1,2\n", "cannot be read as tracks of DeepLabCut"),
+        (head.replace(",", ";") + "0;1.234,5;2\n", "'1.234,5' is no number"),
+        (head + "0,1,2\n1,x,3\n", "'x' is no number"),
     ):
         (tmp_path / "a.csv").write_text(text)
         with pytest.raises(FinloopError, match=said):

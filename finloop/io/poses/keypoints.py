@@ -64,7 +64,10 @@ def _find_animals(columns: list[tuple[str, str, str]], path: Path) -> tuple[list
     keypoints: dict[str, list[str]] = {}  # of each animal
     for animal, keypoint in dict.fromkeys(column[:2] for column in columns):
         keypoints.setdefault(animal, []).append(keypoint)
-    keypoint_lists = list(keypoints.values())
+    # DeepLabCut calls the owner of `uniquebodyparts` so.
+    keypoint_lists = [keypoints[name] for name in keypoints if name != "single"] or [
+        *keypoints.values()
+    ]
     usual = max(keypoint_lists, key=keypoint_lists.count)
     if others := [name for name in keypoints if keypoints[name] != usual]:
         print(
@@ -91,7 +94,11 @@ def _read_csv(path: Path) -> tuple[Labels, Ints, Floats]:
     number_columns = [k for k, label in enumerate(labels) if label[-1] in _COORDS]
     if not number_columns:
         raise ValueError("it has no columns x and y")
-    values = rows.iloc[:, number_columns].apply(pd.to_numeric, errors="coerce").to_numpy(float)
+    cells = rows.iloc[:, number_columns]
+    values = cells.apply(pd.to_numeric, errors="coerce").to_numpy(float)
+    words = cells.to_numpy()[np.isnan(values)]
+    if strange := sorted({word.strip() for word in words} - {"", "nan", "NaN", "NA", "None"}):
+        raise ValueError(f"{strange[0]!r} is no number")
     frame = pd.to_numeric(pd.Series(rows.index), errors="coerce")
     if frame.isna().any():  # labelled pictures are named, not numbered
         raise ValueError(f"its rows are named, such as {rows.index[0]!r}, and not numbered")

@@ -23,10 +23,10 @@ def read_plain_csv(path: Path) -> str:
     """Return the text of a CSV file with commas between cells and points in numbers.
 
     UTF-8 and UTF-16 with a mark, UTF-8 without and Windows-1252 are read; lines may end in any way;
-    cells may be separated by comma, semicolon or tab. The comma of a number is a decimal one: with
-    commas between the cells, the number is quoted. Left out are lines without content, and what
-    stands before the header: comments (#) and the separator as Excel names it (sep=). FinloopError
-    for a file without text.
+    cells may be separated by comma, semicolon, tab or bar. The comma of a number is a decimal one:
+    with commas between the cells, the number is quoted. Left out are lines without content, and
+    what stands before the header: comments (#) and the separator as Excel names it (sep=).
+    FinloopError for a file without text.
     """
     data = path.read_bytes()
     text = _decode(data)
@@ -36,12 +36,13 @@ def read_plain_csv(path: Path) -> str:
             "a CSV file",
             "export the tracks again as CSV; of a spreadsheet save the sheet as CSV",
         )
-    lines = [line for line in text.splitlines() if line.strip(",;\t ")]
+    text = text.replace("\u00a0", " ")  # spreadsheets write spaces that do not break a line
+    lines = [line for line in text.splitlines() if line.strip(",;\t| ")]
     while lines and lines[0].startswith(("#", "sep=")):
         del lines[0]
     text = "\n".join([*lines, ""])
     head = "\n".join(lines[:_HEADER_LINES])
-    separator = max(",;\t", key=head.count)
+    separator = max(",;\t|", key=head.count)
     if separator == "," and ", " not in head and '"' not in text:
         return text  # it is plain already
     rows = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
