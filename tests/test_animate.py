@@ -179,6 +179,20 @@ def test_a_wall_ends_the_sight_and_a_way_leads_round_it():
     assert ways > 1
 
 
+def test_from_every_place_a_path_leads_round_a_column_to_every_other():
+    """Places at the edge of the legal too, as a fish that grazes a wall has no free cell of its own."""
+    rows, columns = np.mgrid[:300, :400]
+    arena = np.hypot(rows - 150, columns - 200) > 60
+    arena[:, 195:205] &= rows[:, 195:205] > 150  # open at the bottom alone
+    found, rng = make_tank(arena, 20.0), np.random.default_rng(0)
+    edges = np.argwhere(found.legal & (found.depth_px < 22))[:, ::-1].astype(float)
+    for _ in range(30):
+        (x, y), target = rng.choice(edges), tuple(rng.choice(edges))
+        for _ in range(20):
+            x, y = found.waypoint(x, y, *target)
+        assert (x, y) == target
+
+
 def test_a_point_beyond_the_legal_is_brought_to_its_edge():
     found = make_tank(ARENA, 24.0)
     assert found.nearest_legal_point(400.0, 300.0) == (400.0, 300.0)

@@ -31,6 +31,7 @@ _ALIKE = 0.5
 _MOST_REACH = 0.5  # of the distance from wall to middle: a fish that reaches farther cannot turn
 _PATH_LOCK = Lock()
 _CELLS = 200  # cells a side, at most, of the map on which a path round a wall is sought
+_CELLS_TO_WALL = 6  # cells, at most, from a legal pixel to the wall: with 3, arcs block the sight
 
 
 @dataclass(frozen=True)
@@ -78,29 +79,44 @@ class Tank:
         if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
         cell, paths = self._coarse_map
-        last_row, last_column = ((side - cell // 2 - 1) // cell for side in self.legal.shape)
         start, end = (
-            (min(row // cell, last_row), min(column // cell, last_column))
-            for row, column in (self._nearest_pixel(x, y), self._nearest_pixel(to_x, to_y))
+            tuple(side // cell for side in self._nearest_pixel(*self.nearest_legal_point(*place)))
+            for place in ((x, y), (to_x, to_y))
         )
         with _PATH_LOCK:  # a search keeps its state in `paths`, which threads share
             paths.find_costs([start], [end])
-            cells = paths.traceback(end)  # (row, column), from the fish to the target
-        points = np.array(cells)[:, ::-1] * float(cell) + cell // 2
-        way_x, way_y = points[_farthest_in_sight(self.legal, self.arena, x, y, points)]
+            cells = np.array(paths.traceback(end))  # (row, column), from the fish to the target
+        # Of each cell the legal pixel nearest to its middle.
+        rows, columns = np.minimum(cells * cell + cell // 2, np.array(self.legal.shape) - 1).T
+        points = self.nearest[::-1, rows, columns].T.astype(float)
+        way_x, way_y = points[_farthest_in_sight(self._sight, self.arena, x, y, points)]
         return float(way_x), float(way_y)
 
     @cached_property
     def _coarse_map(self) -> tuple[int, skimage.graph.MCP_Geometric]:
-        """Return the coarse map of the tank: size of a cell, px, and solver of shortest paths."""
-        cell = math.ceil(max(self.legal.shape) / _CELLS)
-        free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
+        """Return the coarse map of the tank: size of a cell, px, and solver of shortest paths.
+
+        A cell is free if any of its pixels is legal. So every legal pixel can be reached, and cells
+        are so small that the next one on a path is in sight.
+        """
+        to_wall_px = float(self.depth_px[self.legal].min())
+        cell = max(math.ceil(max(self.legal.shape) / _CELLS), int(to_wall_px / _CELLS_TO_WALL))
+        padded = np.pad(self.legal, [(0, -side % cell) for side in self.legal.shape])
+        free = padded.reshape(len(padded) // cell, cell, -1, cell).any(axis=(1, 3))
         # Through a wall only if nothing else leads there.
         return cell, skimage.graph.MCP_Geometric(np.where(free, 1.0, 1e6))
 
     def can_swim_straight(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        """Return whether a fish can swim straight, past no wall, from x, y px to to_x, to_y px."""
-        return bool(is_line_legal(self.legal, self.arena, x, y, to_x, to_y))
+        """Return whether no wall is on the straight line from (x, y) px to (to_x, to_y) px."""
+        return bool(is_line_legal(self._sight, self.arena, x, y, to_x, to_y))
+
+    @cached_property
+    def _sight(self) -> Mask:
+        """Return where a straight line may lead (h, w): legal pixels, and those beside them.
+
+        A line between two legal pixels of a straight or round wall may round to pixels beside them.
+        """
+        return cv2.dilate(self.legal.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
 
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
         """Return a random pixel x, y where the fish's centre may be; all are equally likely."""
@@ -147,12 +163,13 @@ def is_line_legal(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_
 
 @kernel
 def _farthest_in_sight(legal: Mask, arena: Mask, x: float, y: float, points: Floats) -> int:
-    """Return the index of the last point to which a fish at x, y px can swim straight; 0 if none.
+    """Return the index of the last point to which a fish at x, y px can swim straight.
 
-    legal, arena (h, w); points (n, 2): x, y px.
+    It is the second point at least, as the first is beside the fish. legal, arena (h, w); points
+    (n, 2): x, y px.
     """
     number = len(points) - 1
-    while number > 0 and not is_line_legal(
+    while number > 1 and not is_line_legal(
         legal, arena, x, y, points[number, 0], points[number, 1]
     ):
         number -= 1
