@@ -33,7 +33,8 @@ def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
 
 def matching_data(project: Project, p: AllSettings) -> MatchingData:
     """Return the data from which the stage `modes-matching` makes its animation."""
-    assets = prepare_mode_assets(project.film_assets.film_data, p)  # p may have another fish_scale
+    film_data = project.film_data(project.film_reel)
+    assets = prepare_mode_assets(film_data, p)  # p may have another fish_scale
     return MatchingData(
         assets, project.jumps, project.forecast_sampler,
         load_path_lines(p, project.features), project.facts.mm_per_px, project.school_rule,

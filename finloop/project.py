@@ -45,7 +45,7 @@ if TYPE_CHECKING:  # what members return; they import it themselves
     from finloop.extract.table import SceneFacts
     from finloop.forecast.film import FilmStates
     from finloop.forecast.sampling import Sampler
-    from finloop.modes.animator import ModeAssets
+    from finloop.modes.animator import FilmData, ModeAssets
     from finloop.modes.network import Network
     from finloop.pose.film import FilmPoses
     from finloop.render.gallery import Gallery
@@ -389,12 +389,16 @@ class Project:
     @cached_property
     def film_assets(self) -> ModeAssets:
         """Return what all modes use of a film: pictures at drawn size, tank, outlines."""
-        return self._prepare_assets(self.film_reel)
+        from finloop.modes.animator import prepare_mode_assets
+
+        return prepare_mode_assets(self.film_data(self.film_reel), self.settings("animate"))
 
     @cached_property
     def sprite_assets(self) -> ModeAssets:
         """Return what the modes with sprites use: `film_assets` together with the sprites."""
-        return self._prepare_assets(self.reel)
+        from finloop.modes.animator import prepare_mode_assets
+
+        return prepare_mode_assets(self.film_data(self.reel), self.settings("animate"))
 
     @cached_property
     def network_mode(self) -> Network:
@@ -403,15 +407,14 @@ class Project:
 
         return make_network(self.sprite_assets, self.motion_network, self.settings("network"))
 
-    def _prepare_assets(self, reel: Reel) -> ModeAssets:
-        """Return what the modes use of the film; reel: its pictures, with or without sprites."""
-        from finloop.modes.animator import FilmData, prepare_mode_assets
+    def film_data(self, reel: Reel) -> FilmData:
+        """Return what the modes take from the film; reel: its pictures, with or without sprites."""
+        from finloop.modes.animator import FilmData
 
-        film_data = FilmData(
+        return FilmData(
             self.motion_statistics, self.arena, self.background, reel, self.outlines, self.poses,
             self.map_facts, self.step_distances,
         )  # fmt: skip
-        return prepare_mode_assets(film_data, self.settings("animate"))
 
     def edit_list(self, mode: str, stage: str) -> pd.DataFrame:
         """Return the edit list of a mode, columns of `EDIT`, a row per tick and fish.
