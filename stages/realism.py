@@ -149,7 +149,8 @@ def classify_all(
     """Return the verdict of the classifier on each comparison that has enough windows.
 
     sides: the two sets of windows of each comparison, short stretches of swimming, by its name.
-    kept: verdicts of an earlier run.
+    kept: verdicts of an earlier run. New verdicts are kept, too; a note is printed on each
+    comparison with too few windows.
     """
     kept_values = {name: kept.load(name, "json", load_values) for name in sides}
     verdicts = {name: Verdict.from_values(values) for name, values in kept_values.items() if values}

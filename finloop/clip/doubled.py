@@ -53,7 +53,7 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
 
     changes (frames,): how much each frame differs from the one before, grey levels; changes[0] is
     NaN. Repeats of no regular rhythm, or fewer than eight, count only for the share: no frame is a
-    repeat, and the rate is NaN.
+    repeat, and the rate is NaN. Without any doubled frame the rate is 1.
     """
     decidable, doubled = _find_doubled(changes)
     share = float(doubled[decidable].mean()) if decidable.any() else 0.0

@@ -153,7 +153,10 @@ def longest_repeat(edit: pd.DataFrame) -> int:
 
 
 def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
-    """Return a number (ticks,) for each picture of an edit list, equal for equal pictures."""
+    """Return a number (ticks,) for each picture of an edit list, equal for equal pictures.
+
+    Pictures are equal if they show one frame or sprite, turned and bent or not.
+    """
     names = ["kind", "source", "orientation", "mirrored"]
     return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
 

@@ -104,7 +104,7 @@ def _even_light(frame: Picture, background: Picture, covered: NDArray[np.bool_] 
     """Return a frame made as bright as the background; covered (h, w): pixels that do not count.
 
     Without `covered`, one gain by the median of pixels; with it a gain per channel, by sums over
-    those that follow the light.
+    the others that are neither black nor white, if these are over 5 %.
     """
     gains = np.array([relative_brightness(frame, background)])
     if covered is not None:

@@ -426,7 +426,7 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
 
 
 def _pins_by_row(a: Drawing, b: Drawing, rows: Sequence[_Row]) -> dict[str, Pins]:
-    """Return the pins of two drawings, both by the ids of the first, by the names of rows.
+    """Return the pins of each row, by the row's name; both drawings have pins by the first's ids.
 
     A pin of a shape that is cut goes to the piece with the least sum of distances from both ends.
     FinloopError if a shape with pins has no partner.

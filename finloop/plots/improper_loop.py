@@ -78,7 +78,7 @@ def find_most_improper_loop(
 def loop_path_rows(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
     """Return the rows (k,) of a loop's path: from a to b, or Δ/2 to each side of its improper end.
 
-    Δ is the time in which motion is measured.
+    Δ is the time in which motion is measured. Rows beyond the ends of the track are left out.
     """
     if loop.place == BETWEEN_ENDS:
         return np.arange(loop.a, loop.b + 1)

@@ -401,7 +401,7 @@ class Swimmer:
     def _limit_approach(
         self, vx: float, vy: float, others: Sequence["Swimmer"]
     ) -> tuple[float, float]:
-        """Return the velocity (vx, vy) without its component towards a near wall or fish.
+        """Return the velocity (vx, vy) with a limit on its component towards a near wall or fish.
 
         vx, vy: body lengths/s, y down. In 0.25 s the approach may use up the gap, so it never
         closes in a shorter step. Turns usually avoid a collision before this limit is reached.

@@ -579,8 +579,9 @@ def _seek_range(
     """Seek a film to shortly before its range of time; return the time stamps of its frames.
 
     The stamps, in the stream's time base, are those up to the end of the range, ascending: a
-    frame's place among them is its number. The result is empty if the film is not seekable, or is
-    renumbered: then it is decoded and counted from its first frame.
+    frame's place among them is its number. The result is empty if the range begins near the film's
+    start, or the film is not seekable, or is renumbered: then it is decoded and counted from its
+    first frame.
     """
     target_s = footage.start_s - SEEK_MARGIN_S
     if footage.renumbered or target_s <= 0:
