@@ -149,7 +149,7 @@ def test_dvc_lock_stays_short():
     assert lines <= 30 * len(STAGES)
 
 
-def test_a_stage_has_six_places_and_a_mode_three():
+def test_a_stage_has_six_places_and_a_mode_two():
     """Those that docs/new-stage.md and docs/new-mode.md list."""
 
     def places(page: str, begin: str, end: str) -> list[str]:
@@ -159,8 +159,8 @@ def test_a_stage_has_six_places_and_a_mode_three():
     of_stage = places("new-stage.md", "## The six places", "```yml")
     assert len(of_stage) == 6
     assert all(re.search(r"\bgateways\b", (ROOT / one).read_text()) for one in of_stage)
-    of_mode = places("new-mode.md", "## 4. Add the mode", "```yml")
-    assert len(of_mode) == 3 and all("matching" in (ROOT / one).read_text() for one in of_mode)
+    of_mode = places("new-mode.md", "## 3. Add the mode", "```yml")
+    assert len(of_mode) == 2 and all("matching" in (ROOT / one).read_text() for one in of_mode)
 
 
 def test_files_of_a_stage_are_those_that_it_imports_by_imports_inside_functions_and_by_name():
