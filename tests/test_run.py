@@ -132,9 +132,9 @@ def test_metrics_are_flat_sorted_and_short_and_metrics_json_has_those_to_compare
 
 def test_headlines_are_few_and_in_words():
     for word, headlines in HEADLINES.items():
-        assert 1 <= len(headlines) <= 12 and len({one.name for one in headlines}) == len(
-            headlines
-        ), word
+        assert 1 <= len(headlines) <= max(12, 3 * len(MODES)) and len(
+            {one.name for one in headlines}
+        ) == len(headlines), word
         assert all(one.meaning and len(one.meaning) <= 80 for one in headlines)
     assert {*HEADLINES, *MODES, "cluster"} >= set(WORDS)
 
@@ -143,7 +143,9 @@ def test_what_dvc_compares_are_headlines_and_fits_one_screen():
     assert set(METRICS) == set(HEADLINES)
     for word, compared in METRICS.items():
         assert set(compared) <= {headline.name for headline in HEADLINES[word]}
-    assert sum(map(len, METRICS.values())) <= 60
+    counts = {word: len(compared) for word, compared in METRICS.items()}
+    assert max(counts.pop(word) for word in ("animate", "realism")) <= 3 * len(MODES)
+    assert sum(counts.values()) <= 2 * len(counts)
 
 
 def test_a_metric_is_a_number(tmp_path):
