@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("FINLOOP_THREADS", "1")  # a second thread only waits for the other worker
-import stages.run  # isort: skip  # noqa: F401  (sets the threads of all libraries, before numpy)
+from stages.run import STAGE_SOCKET  # isort: skip  (sets all libraries' threads, before numpy)
 
 import psutil
 import pytest
 import yaml
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
+
+from stages.forks import open_stage_server
 
 if TYPE_CHECKING:
     from tiny_run import TinyRun
@@ -133,6 +135,17 @@ class Copy:
 
     def text(self, path: str) -> str:
         return (self.root / path).read_text(encoding="utf-8")
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Let commands start as in a terminal, by no server that has imported them."""
+        socket = self.root / STAGE_SOCKET
+        aside = socket.with_suffix(".aside")
+        if socket.exists():  # a server is Linux's
+            socket.rename(aside)
+        yield
+        if aside.exists():
+            aside.rename(socket)
 
     def back(self) -> None:
         """As it was after the first run."""
@@ -278,7 +291,9 @@ def front_run(tmp_path_factory: pytest.TempPathFactory, tiny_run: "TinyRun") -> 
     DVC reads and writes the whole of dvc.lock at every step. With all stages that is most of what
     it does, and how it stops, goes on, refuses and sweeps is the same with a few.
     """
-    yield (copy := run_copy(tmp_path_factory, tiny_run, FRONT))
+    copy = run_copy(tmp_path_factory, tiny_run, FRONT)
+    with open_stage_server(copy.root):  # DVC's imports, a second each time, are made once
+        yield copy
     end_processes(copy.root)
 
 

@@ -520,9 +520,10 @@ def test_a_run_stopped_again_and_again_goes_on_to_the_same_end(front: Copy):
     shutil.rmtree(front.root / ".dvc/cache/runs")  # or DVC would fetch what it has made before
     stages = {word: stage for word, stage in wanted["stages"].items() if word not in STOPS}
     (front.root / "dvc.lock").write_text(yaml.safe_dump(wanted | {"stages": stages}))
-    for word, blow in STOPS.items():
-        stop(front, word, blow)
-    assert "Running stage 'features'" in front.dvc("repro")
+    with front.alone():
+        for word, blow in STOPS.items():
+            stop(front, word, blow)
+        assert "Running stage 'features'" in front.dvc("repro")
     assert lock(front) == wanted
     assert front.git("status", "--porcelain", "data", "reports/*.json", "reports/*.csv") == ""
 
@@ -584,7 +585,8 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     for name in ("quick-0.4", "quick-0.5"):
         front.git("update-ref", f"{folder}/{name}", "HEAD")
     before = front.git("status", "--porcelain"), front.text("dvc.lock"), front.text("params.yaml")
-    text = front.run("python", "-m", "stages.sweep", "quick", fails=True)
+    with front.alone():
+        text = front.run("python", "-m", "stages.sweep", "quick", fails=True)
     assert "quick-7.0 failed" in text and "features.turn_end_threshold: should be" in text
     assert text.index("quick-7.0 failed") < text.index("runs: ")  # at once, not at the end
     assert "runs: 1 of 1" in text and "quick-0.4: made again" in text
@@ -626,7 +628,8 @@ def test_a_film_that_is_added_or_missing_touches_no_other_film_of_a_study(front:
     front.dvc("remote", "add", "other", "../other")  # on which no result depends
     before = front.git("status", "--porcelain"), front.text("params.yaml")
     front.git("switch", "--quiet", "--detach")  # experiments belong to a commit, not to a branch
-    text = front.run("env", "FILMS=../study.yaml", "python", "-m", "stages.study", fails=True)
+    with front.alone():
+        text = front.run("env", "FILMS=../study.yaml", "python", "-m", "stages.study", fails=True)
     assert "nothing at" in text and "gone.mp4" in text and "runs: 1 of 1" in text
     table = pd.read_csv(front.root / "reports/study.csv").set_index("film")
     assert [*table.index] == ["one", "two", "gone"]
