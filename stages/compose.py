@@ -12,10 +12,12 @@ import argparse
 import json
 import re
 import sys
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from shutil import get_terminal_size
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import yaml
 from dvc.utils.hydra import compose_and_dump
@@ -30,6 +32,7 @@ from finloop.base.override import quote_override
 from finloop.base.settings import GROUPS, check_values, full_names, variants
 from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
+from stages.conflicts import find_conflicts
 from stages.experiment import FOLDER, Experiment
 from stages.parameters import terminal_table
 from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, STAMPS, list_problems
@@ -50,6 +53,22 @@ def compose_params(overrides: list[str]) -> str:
         except (HydraException, OmegaConfBaseException) as error:
             raise _as_user_error(error, overrides) from error
         return output.read_text(encoding="utf-8")
+
+
+def refuse_wrong_values(values: Mapping[str, Mapping[str, Any]], overrides: list[str]) -> None:
+    """Raise FinloopError if composing `values` with further overrides would refuse them.
+
+    It takes a tenth of the time of composing. values: content of params.yaml. overrides: in Hydra's
+    syntax; if one is not `group.key=value` of a parameter in `values`, it raises KeyError.
+    """
+    changed = {word: values[word] for word in GROUPS}
+    for override in map(OverridesParser.create().parse_override, overrides):
+        word, _, key = override.get_key_element().partition(".")
+        if key not in changed[word]:
+            raise KeyError(override.get_key_element())
+        changed[word] = {**changed[word], key: override.value()}
+    if problems := list_problems(changed) or find_conflicts(changed):
+        raise refusal_error(problems)
 
 
 def write_params(overrides: list[str]) -> None:

@@ -20,7 +20,7 @@ import yaml
 from matplotlib.figure import Figure
 
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes, ordered_map
+from finloop.base.parallel import Processes, ordered_map, start_fork_server
 from finloop.edit.modes import MODES
 from finloop.io.movie import Mp4Writer
 from finloop.plots.render import draw_trajectory
@@ -59,6 +59,7 @@ def draw_previews(commits: Mapping[str, str], mode: str) -> dict[str, Preview]:
     with Repo() as repo:
         cache = Path(repo.cache.local.path)
     draw = partial(_draw_from_cache, cache=cache, mode=mode)
+    start_fork_server([])  # a sweep has started it before its runs
     with report_progress("films", len(jobs), "films") as advance:
         drawn: dict[Digests, Preview | None] = {}
         workers = Processes(THREADS)

@@ -17,8 +17,9 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
+from itertools import takewhile
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
@@ -29,6 +30,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
 from finloop.base.errors import FinloopError
+from finloop.base.parallel import start_fork_server
 from finloop.base.program import holds_sources
 from finloop.base.settings import WORDS, check_values
 from finloop.io.numbers import load_numbers as load_stage_numbers
@@ -42,6 +44,7 @@ from stages.compose import (
     load_experiment,
     quoting_error,
     refuse_unknown_group,
+    refuse_wrong_values,
 )
 from stages.experiment import FOLDER, Experiment
 from stages.forks import open_stage_server
@@ -238,8 +241,18 @@ class RunMaker(ExitStack):
         same parameters. It cannot be made if its overrides are wrong. runs: name → overrides.
         """
         todo, failures = list[str](), dict[str, str]()
+        # The overrides with which all runs begin are composed once.
+        equal = takewhile(lambda words: len({*words}) == 1, zip(*runs.values(), strict=False))
+        common = [words[0] for words in equal]
+        values: dict[str, Any] = {}
         for name, changes in runs.items():
             try:
+                if name not in self.existing:
+                    values = values or yaml.load(compose_params(common), yaml.CSafeLoader)
+                    with suppress(KeyError):
+                        refuse_wrong_values(values, changes[len(common) :])
+                        todo.append(name)
+                        continue
                 params = compose_params(changes)
             except FinloopError as error:
                 failures[name] = str(error)
@@ -418,6 +431,7 @@ def main() -> None:
     claim_folder("stages.sweep")
     if doubtful := describe_doubtful_measures(plan):
         print(f"finloop: the present commit has no number {doubtful}", file=sys.stderr)
+    start_fork_server([])  # what draws the films is imported while the runs go on
     finished, failures, found = make_sweep(name, plan, overrides, max(1, jobs))
     if finished:
         why = " ".join(filter(None, (plan.why, plan.seen, found)))

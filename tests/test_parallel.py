@@ -106,6 +106,7 @@ def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path
 
 EMPLOYER = """
 from pathlib import Path
+import dear
 from finloop.base.parallel import Processes, ordered_map, start_fork_server
 from jobs import notes_itself_and_waits
 if __name__ == "__main__":
@@ -114,18 +115,20 @@ if __name__ == "__main__":
 """
 
 
-def test_workers_end_with_who_employs_them(tmp_path):
+def test_workers_take_over_imports_and_end_with_who_employs_them(tmp_path):
     """By kill -9, which leaves it no time to say so."""
     notes = [tmp_path / "a.pid", tmp_path / "b.pid"]
     for note in notes:
         os.mkfifo(note.with_suffix(""))
     (tmp_path / "employer.py").write_text(EMPLOYER)
+    (tmp_path / "dear.py").write_text("import os\nos.mkdir(f'imported by {os.getpid()}')\n")
     path = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
     employer = subprocess.Popen(
-        [sys.executable, "employer.py"], cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}
+        [sys.executable, "-m", "employer"], cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}
     )
     assert wait_for(lambda: all(note.exists() and note.read_text() for note in notes), 120)
     workers = [psutil.Process(int(note.read_text())) for note in notes]
+    assert len(list(tmp_path.glob("imported by *"))) == 2  # by the employer, and by the server
     employer.kill()
     employer.wait()
     assert not psutil.wait_procs(workers, 10)[1]

@@ -33,7 +33,12 @@ from finloop.io.movie import VideoWriter
 from finloop.io.parameters import refusal_error
 from finloop.report.headlines import HEADLINES
 from stages import settings as door
-from stages.compose import compose_params, quoting_error, require_composed_params
+from stages.compose import (
+    compose_params,
+    quoting_error,
+    refuse_wrong_values,
+    require_composed_params,
+)
 from stages.conflicts import find_conflicts
 from stages.experiment import FOLDER
 from stages.parameters import parameters_page, terminal_table
@@ -619,6 +624,20 @@ def test_what_cannot_work_is_refused_before_a_stage_runs(override, named):
     values = values_with(override)
     assert list_problems(values) == []  # each value alone is right
     assert any(named in problem for problem in find_conflicts(values))
+    if "clip=" not in override:  # a sweep's run is refused alike, without composing it
+        with pytest.raises(FinloopError, match=re.escape(named)):
+            refuse_wrong_values(made_values(), override.split())
+
+
+def test_a_run_of_a_sweep_is_refused_without_composing_it_unless_it_names_no_parameter():
+    values = made_values()
+    refuse_wrong_values(values, ["bpn.epochs=3", "features.turn_threshold_deg=auto"])
+    with pytest.raises(FinloopError, match=r"bpn\.epochs: should be greater"):
+        refuse_wrong_values(values, ["bpn.epochs=-3"])
+    for override in ("bpn.epohcs=3", "clip=file", "+bpn.new=3", "nobody.epochs=3"):
+        with pytest.raises(KeyError):
+            refuse_wrong_values(values, [override])
+    assert values == made_values() and values["bpn"]["epochs"] == 200
 
 
 def test_a_range_of_time_is_in_the_film_and_pictures_have_a_rate(tmp_path):

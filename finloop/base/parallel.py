@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -35,10 +36,13 @@ _PAUSE_S = 0.2  # before the next try after an OSError
 def start_fork_server(modules: Sequence[str]) -> None:
     """Start the server that forks worker processes, on systems that have one.
 
-    modules: names of modules that it imports in the background, so that workers start at once.
+    modules: names of modules that it imports in the background, so that workers start at once. It
+    also imports the module that `python -m` runs, which Python runs again in each worker.
     """
     if _FORKSERVER:
-        multiprocessing.get_context("forkserver").set_forkserver_preload(list(modules))
+        spec = getattr(sys.modules["__main__"], "__spec__", None)  # None without `python -m`
+        main = [spec.name] if spec and not spec.name.endswith("__main__") else []
+        multiprocessing.get_context("forkserver").set_forkserver_preload([*modules, *main])
         forkserver.ensure_running()
 
 
