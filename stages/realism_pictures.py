@@ -250,7 +250,12 @@ class PictureSample:
                 both.append(sample.half_windows())
             else:
                 animation = self.measured[FILM if name == AGAIN else name]
-                animation = replace(animation, pictures=drawn[name])
+                pictures = drawn[name]
+                if name == AGAIN:  # the very same moments, or they would tell
+                    seen = np.isfinite(film.channels).all(axis=1, keepdims=True)
+                    channels = np.where(seen, pictures.channels, np.nan)
+                    pictures = pictures._replace(channels=channels)
+                animation = replace(animation, pictures=pictures)
                 both.append(sample.windows_beside_film(animation))
         return both[0], both[1]
 

@@ -9,9 +9,15 @@ import pytest
 from finloop.drawn.carp.film import carp_motion, draw_fish_alone, empty_tank, film_frames
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract.background import Scene, match_scene_to_light
-from finloop.extract.matte import one_piece
+from finloop.extract.matte import RESIDUE_PX, add_residue, one_piece
 from finloop.extract.samples import measure_edge_width
-from finloop.extract.segment import SilhouetteEdge, find_silhouettes, measure_fish, soft_alpha
+from finloop.extract.segment import (
+    SilhouetteEdge,
+    find_silhouettes,
+    measure_fish,
+    premultiply_cutout,
+    soft_alpha,
+)
 
 SIZE = 240, 320
 
@@ -34,11 +40,12 @@ def carp(colour):
             continue  # at the picture's edge
         edge_px = measure_edge_width(silhouettes[0])
         fish = measure_fish(silhouettes[0], frame, lit, 33, edge_px=edge_px)
-        h, w = fish.cutout.shape[:2]
-        here = np.s_[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
+        x0, y0, (h, w) = silhouettes[0].x0, silhouettes[0].y0, silhouettes[0].mask.shape
+        here, inside = np.s_[y0 : y0 + h, x0 : x0 + w], (y0 - fish.y0, x0 - fish.x0)
+        cutout = fish.cutout[inside[0] : inside[0] + h, inside[1] : inside[1] + w]
         colours, opacity = draw_fish_alone(film, poses, number, 0)
         old = soft_alpha(silhouettes[0].mask, silhouettes[0].field, 6)
-        found.append((colours[here] / lit.gains, opacity[here], fish.cutout, old))
+        found.append((colours[here] / lit.gains, opacity[here], cutout, old))
     return found
 
 
@@ -46,7 +53,8 @@ def carp(colour):
 def test_the_alpha_of_a_drawn_fish_is_right_to_two_per_cent(colour):
     errors, before, edges = [], [], []
     for _, true, cutout, old in carp(colour):
-        error = np.abs(cutout[..., -1] / 255 - true)
+        visible = np.where(cutout[..., -1] < 26, 0, cutout[..., -1])  # fainter is its shadow
+        error = np.abs(visible / 255 - true)
         errors.append(error.mean())
         before.append(np.abs(old / 255 - true).mean())
         edges.append(error[(true > 0.02) & (true < 0.98)].mean())
@@ -113,3 +121,54 @@ def test_an_alpha_in_one_piece_stays_as_it_is():
     once = one_piece(noise, silhouette, (0, 0))
     assert np.array_equal(one_piece(once, silhouette, (0, 0)), once)
     assert np.array_equal(once[silhouette], noise[silhouette])
+
+
+def filmed_disc(grain=0.0, light=1.0, shadow=6.0):
+    """A dark disc on a tank of 180, blurred by its film, with a soft shadow and grain around it."""
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[:100, :100] - 50.0
+    distance = np.hypot(x, y)
+    alpha = np.clip(20.5 - distance, 0, 1)
+    shade = shadow * np.exp(-(np.maximum(distance - 20, 0) ** 2) / 8)
+    film = light * ((1 - alpha) * (180 - shade) + alpha * 60 + rng.normal(0, grain, x.shape))
+    tank = np.full(x.shape, 180, np.uint8)
+    return film.astype(np.float32)[..., None], tank, np.rint(255 * alpha).astype(np.uint8), distance
+
+
+def draw(cutout, tank):
+    """A cut-out laid over a tank."""
+    return cutout[..., 0] + (1 - cutout[..., 1] / 255.0) * tank
+
+
+def test_a_cut_out_on_its_own_tank_gives_the_film_back_with_the_shadow_around_the_fish():
+    film, tank, alpha, distance = filmed_disc()
+    whole, shown = add_residue(alpha, film, tank, 0.3)
+    drawn = draw(premultiply_cutout(shown, tank, whole), tank)
+    near = distance < 20 + RESIDUE_PX - 2
+    assert np.abs(drawn - film[..., 0])[near].max() < 1.1
+    assert np.abs(draw(premultiply_cutout(film, tank, alpha), tank) - film[..., 0]).max() > 4
+    assert whole[distance > 22].max() < 26  # the shadow is faint, and
+    assert premultiply_cutout(shown, tank, whole)[distance > 22, 0].max() <= 1  # black
+
+
+def test_on_a_tank_with_grain_the_cut_out_brings_no_grain_of_its_own():
+    film, tank, alpha, distance = filmed_disc(grain=2.0, shadow=0.0)
+    whole, shown = add_residue(alpha, film, tank, 2.0)
+    cutout, around = premultiply_cutout(shown, tank, whole), (distance > 23) & (distance < 27)
+    other = tank + np.random.default_rng(5).normal(0, 2.0, tank.shape)
+    assert 1.8 < (draw(cutout, other) - tank)[around].std() < 2.4  # the sum of both has 2.8
+    assert whole[around].mean() < 0.02 * 255
+
+
+def test_a_light_that_differs_beside_the_fish_leaves_no_halo():
+    film, tank, alpha, distance = filmed_disc(grain=1.0, light=1.005, shadow=0.0)
+    whole, shown = add_residue(alpha, film, tank, 1.0)
+    around = (distance > 22) & (distance < 27)
+    assert abs((draw(premultiply_cutout(shown, tank, whole), tank) - 180)[around].mean()) < 0.1
+
+
+def test_another_animal_near_by_is_no_residue():
+    film, tank, alpha, distance = filmed_disc(shadow=0.0)
+    film[48:53, 76:90] = 90  # its head, 5 px away
+    whole, _ = add_residue(alpha, film, tank, 0.3)
+    assert whole[distance > 22].max() == 0

@@ -44,8 +44,11 @@ class Scene:
 
     background: (h, w) or (h, w, 3) uint8. polarity: whether fish are darker or brighter, never
     `auto`. noise: standard deviation of the smoothed difference image, grey levels. threshold:
-    smallest difference of a fish, grey levels. gains: of a scene in the light of a frame, how
-    bright that is relative to the empty tank, per channel (1,) or (3,); None if it is unknown.
+    smallest difference of a fish, grey levels.
+
+    Of a scene in the light of a frame, gains: how bright that is relative to the empty tank, per
+    channel (1,) or (3,), None if it is unknown; even: the background in even light; grain: SD of a
+    pixel of the tank, not smoothed, in even light, grey levels.
     """
 
     background: Picture
@@ -53,6 +56,8 @@ class Scene:
     noise: float
     threshold: float
     gains: Floats | None = None
+    even: Picture | None = None
+    grain: float = 0.0
 
     @cached_property
     def light_meter(self) -> "_LightMeter":
@@ -127,12 +132,18 @@ def relative_brightness(frame: Picture, background: Picture) -> float:
 
 
 def match_scene_to_light(scene: Scene, frame: Picture) -> Scene:
-    """Return a scene whose background is as bright as a frame, with the gains of that light."""
+    """Return a scene whose background is as bright as a frame, with that light and its grain."""
     meter = scene.light_meter
     gain = meter.measure(frame)
     background = scale_brightness(scene.background, gain)
     gains = meter.measure_channels(frame, gain, scene.threshold)
-    return replace(scene, background=background, gains=gains)
+    if gains is None:
+        return replace(scene, background=background, gains=None)
+    grid = np.s_[::_GRID, ::_GRID]
+    residue = np.abs(frame[grid] / gains - scene.background[grid])
+    in_tank = residue[residue <= scene.threshold]
+    grain = float(np.sqrt(np.square(in_tank).mean())) if in_tank.size else scene.noise
+    return replace(scene, background=background, gains=gains, even=scene.background, grain=grain)
 
 
 def scale_brightness(picture: Picture, gain: float) -> Picture:

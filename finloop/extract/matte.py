@@ -5,6 +5,10 @@ share of the difference a little farther inside. Skin has marks and floors have 
 also bounded by its distance from the outline: a sharp edge, blurred as the film blurs it, passes
 through every value within a few pixels. Where an animal is too thin to have an inside, the contrast
 of the whole animal takes its place.
+
+Around the fish the film shows more: a soft shadow, what its codec or a lens adds to an edge. This
+residue belongs to the cut-out too, as faint black or white, so a fish drawn on its own empty tank
+gives the film's pixels back.
 """
 
 from functools import lru_cache
@@ -13,6 +17,7 @@ from math import sqrt
 import cv2
 import numpy as np
 import scipy.special
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
@@ -28,6 +33,12 @@ _ADDED = 1.05
 _WIDTH_PER_SD = sqrt(2 * np.pi)  # contrast over the steepest slope of a Gaussian edge
 _STEPS, _REACH = 8, 8  # bounds per px of distance, px from the outline that they reach
 _VISIBLE = 26  # alpha of a tenth: a part of less is hardly seen
+RESIDUE_PX = 8  # from the visible cut-out to where its residue ends: a block of most codecs
+_FADE_PX = 3  # over which it fades out there
+_POWER_PX = 5  # side of the square in which the power of the residue is measured
+_MOSTLY_GRAIN = 0.5  # share of the power from which a difference counts as grain alone
+_FAR_PX = 3  # from the cut-out; what differs there by far more than a residue is another animal
+_FEWEST = 50  # pixels of the tank that tell the light beside a fish
 _BRIDGE = 5  # px, side of the closing that bridges gaps of up to four pixels
 
 
@@ -132,6 +143,38 @@ def _bridge_gaps(alpha: Picture, visible: Picture) -> Picture:
     bridged = alpha.copy()
     bridged[rows, columns] = np.where(near > 0, closed, part)
     return bridged
+
+
+def add_residue(
+    alpha: Picture, film: NDArray[np.float32], tank: Picture, grain_grey: float
+) -> tuple[Picture, NDArray[np.float32]]:
+    """Return an alpha with the faint residue around a fish, and the film without its grain there.
+
+    alpha: (h, w), with a rim of RESIDUE_PX of the tank; film: (h, w, k), in even light; tank: (h,
+    w[, k]), empty; grain_grey: SD of film less tank where no animal is. The second result (h, w, k)
+    is in the light beside the fish, which can differ a little from that of the whole frame. It is
+    the film where alpha is 1. Elsewhere the difference of film and tank is reduced to the power
+    that it has beyond the grain, for the tank of an animation has its own.
+
+    The added alpha is the least that shows the difference, black or white, and less than a tenth.
+    """
+    level = tank.reshape(film.shape).astype(np.float32)
+    beside = (alpha == 0) & (np.abs(film - level).max(axis=2) <= 2 * grain_grey)
+    if np.count_nonzero(beside) >= _FEWEST:
+        film = film * (level[beside].sum(axis=0) / np.maximum(film[beside].sum(axis=0), 1))
+    change = film - level
+    power = cv2.blur(np.square(change).mean(axis=2), (_POWER_PX, _POWER_PX))
+    of_grain = grain_grey**2 / np.maximum(power, 1e-6)
+    share = np.where(of_grain > _MOSTLY_GRAIN, 0, np.sqrt(np.maximum(1 - of_grain, 0)))
+    distance = cv2.distanceTransform((alpha == 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
+    share *= np.clip((RESIDUE_PX + 1 - distance) / _FADE_PX, 0, 1)
+    needed = np.maximum(-change / np.maximum(level, 1), change / np.maximum(255 - level, 1))
+    opacity = 255 * needed.max(axis=2)
+    other = ((opacity >= _VISIBLE) & (distance > _FAR_PX)).astype(np.uint8)
+    share[cv2.dilate(other, np.ones((2 * _FAR_PX + 1,) * 2, np.uint8)) > 0] = 0
+    residue = np.rint(np.minimum(share * opacity, _VISIBLE - 1)).astype(np.uint8)
+    share = np.maximum(share, alpha / np.float32(255))
+    return np.maximum(alpha, residue), level + share[..., None] * change
 
 
 @kernel

@@ -30,7 +30,7 @@ from finloop.extract.backbone import (
 )
 from finloop.extract.background import Scene, difference_image
 from finloop.extract.fins import Fins, PalePixels, add_fins_to_alpha
-from finloop.extract.matte import one_piece, soft_edge
+from finloop.extract.matte import RESIDUE_PX, add_residue, one_piece, soft_edge
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
@@ -317,7 +317,7 @@ def measure_fish(
     if silhouette.pale is not None:
         shown, (left, top) = add_fins_to_alpha(shown, (x0, y0), silhouette.pale, levels)
     shown = one_piece(shown, mask, (x0 - left, y0 - top))
-    window = np.s_[top : top + shown.shape[0], left : left + shown.shape[1]]
+    cutout, (left, top) = _cut_out(frame, scene, shown, (left, top))
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     return SegmentedFish(
@@ -329,8 +329,32 @@ def measure_fish(
         outline_px=refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS) + corner,
         x0=left,
         y0=top,
-        cutout=premultiply_cutout(frame[window], scene.background[window], shown, scene.gains),
+        cutout=cutout,
     )
+
+
+def _cut_out(
+    frame: Picture, scene: Scene, alpha: Picture, corner: tuple[int, int]
+) -> tuple[Picture, tuple[int, int]]:
+    """Return a fish cut out of a frame in even light, with its residue, and its first pixel x, y.
+
+    scene: in the light of the frame; alpha: (h, w), its first pixel at `corner`, x and y. In a
+    light that is unknown, nothing is known of a residue.
+    """
+    left, top = corner
+    bottom, right = top + alpha.shape[0], left + alpha.shape[1]
+    if scene.gains is None or scene.even is None:
+        window = np.s_[top:bottom, left:right]
+        return premultiply_cutout(frame[window], scene.background[window], alpha), corner
+    before = min(RESIDUE_PX, top), min(RESIDUE_PX, left)
+    after = min(RESIDUE_PX, len(frame) - bottom), min(RESIDUE_PX, frame.shape[1] - right)
+    alpha = np.pad(alpha, tuple(zip(before, after, strict=True)))
+    top, left = top - before[0], left - before[1]
+    window = np.s_[top : top + alpha.shape[0], left : left + alpha.shape[1]]
+    film = (frame[window].reshape(*alpha.shape, -1) / scene.gains).astype(np.float32)
+    tank = scene.even[window]
+    alpha, shown = add_residue(alpha, film, tank, scene.grain)
+    return premultiply_cutout(shown, tank, alpha), (left, top)
 
 
 @kernel
@@ -367,33 +391,32 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
 
 
 def premultiply_cutout(
-    film: Picture, tank: Picture, alpha: Picture, gains: Floats | None = None
+    film: Picture | NDArray[np.float32], tank: Picture, alpha: Picture
 ) -> Picture:
-    """Return a fish cut out of a frame, without the tank's colour at its edge, in even light.
+    """Return a fish cut out of a picture, without the tank's colour at its edge.
 
     The result (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, is film − (1 − alpha) · tank,
-    divided by the gains of the frame's light, limited to 0 … alpha. Where the limit does not bind,
-    the result laid over the tank in even light gives back the film in even light. `film` and `tank`
-    are (h, w) or (h, w, 3) in the light of the frame, `alpha` (h, w), `gains` (1,) or (3,); None
-    leaves the light as it is.
+    limited to 0 … alpha and rounded. Where the limit does not bind, the result laid over the tank
+    gives back the film. `film` and `tank` are (h, w) or (h, w, 1 or 3), equally bright; `alpha`
+    (h, w).
     """
-    channels = film.size // alpha.size
-    shape = (*alpha.shape, channels)
-    film, tank = film.copy().reshape(shape), tank.copy().reshape(shape)
-    return _premultiply_channels(film, tank, alpha, np.ones(channels) if gains is None else gains)
+    shape = (*alpha.shape, film.size // alpha.size)
+    return _premultiply_channels(
+        film.reshape(shape).astype(np.float32), tank.reshape(shape).astype(np.float32), alpha
+    )
 
 
 @kernel
-def _premultiply_channels(film, tank, alpha, gains):  # type: ignore[no-untyped-def]
+def _premultiply_channels(film, tank, alpha):  # type: ignore[no-untyped-def]
     """Return the premultiplied cut-out (h, w, k + 1) of pictures (h, w, k) and alpha (h, w)."""
     height, width, channels = film.shape
     result = np.empty((height, width, channels + 1), np.uint8)
-    for k in range(channels):
-        scale = 1 / (255 * gains[k])
-        for y in range(height):
-            for x in range(width):
-                opaque = int(alpha[y, x])
-                of_fish = 255 * int(film[y, x, k]) - (255 - opaque) * int(tank[y, x, k])
-                result[y, x, k] = int(min(max(of_fish * scale + 0.5, 0.0), float(opaque)))
+    for y in range(height):
+        for x in range(width):
+            opaque = np.float32(alpha[y, x])
+            through = 1 - opaque / np.float32(255)
+            for k in range(channels):
+                of_fish = film[y, x, k] - through * tank[y, x, k]
+                result[y, x, k] = int(min(max(of_fish + np.float32(0.5), np.float32(0)), opaque))
     result[..., channels] = alpha
     return result
