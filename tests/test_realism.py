@@ -364,6 +364,7 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
         drawn = project.edit_with_sources("network", "realism", sprites=True, bodies=True)
         gallery = project.gallery(drawn)
         fish = list(fish_by_row(drawn.edit, gallery))[::7]
+        # Not compared: cut-outs, whose residue needs the light of a whole frame.
         for part, drawn_fish in zip(one.detect_fish(fish), fish, strict=True):
             painter.show(drawn_fish)
             whole = detector(painter.frame, scene)
@@ -372,7 +373,7 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
             for mine, other in zip(part.fish, whole.fish, strict=True):
                 assert (mine is None) == (other is None)
                 if mine is not None:
-                    for name in ("x_px", "y_px", "x0", "y0"):
+                    for name in ("x_px", "y_px", "area_px"):
                         assert getattr(mine, name) == pytest.approx(getattr(other, name))
                     assert np.allclose(mine.backbone.points_px, other.backbone.points_px)
 
