@@ -124,7 +124,9 @@ def test_workers_take_over_imports_and_end_with_who_employs_them(tmp_path):
     (tmp_path / "dear.py").write_text("import os\nos.mkdir(f'imported by {os.getpid()}')\n")
     path = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
     employer = subprocess.Popen(
-        [sys.executable, "-m", "employer"], cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}
+        [sys.executable, "-W", "error", "-m", "employer"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": path},
     )
     assert wait_for(lambda: all(note.exists() and note.read_text() for note in notes), 120)
     workers = [psutil.Process(int(note.read_text())) for note in notes]

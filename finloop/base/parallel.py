@@ -37,12 +37,14 @@ def start_fork_server(modules: Sequence[str]) -> None:
     """Start the server that forks worker processes, on systems that have one.
 
     modules: names of modules that it imports in the background, so that workers start at once. It
-    also imports the module that `python -m` runs, which Python runs again in each worker.
+    also imports what the module that `python -m` runs imports.
     """
     if _FORKSERVER:
         spec = getattr(sys.modules["__main__"], "__spec__", None)  # None without `python -m`
-        main = [spec.name] if spec and not spec.name.endswith("__main__") else []
-        multiprocessing.get_context("forkserver").set_forkserver_preload([*modules, *main])
+        if spec and not spec.name.endswith("__main__"):
+            os.environ["FINLOOP_RUN_MODULE"] = spec.name
+        preloaded = [*modules, "finloop.base.preload"]
+        multiprocessing.get_context("forkserver").set_forkserver_preload(preloaded)
         forkserver.ensure_running()
 
 
