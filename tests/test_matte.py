@@ -9,7 +9,7 @@ import pytest
 from finloop.drawn.carp.film import carp_motion, draw_fish_alone, empty_tank, film_frames
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract.background import Scene, match_scene_to_light
-from finloop.extract.matte import RESIDUE_PX, add_residue, one_piece
+from finloop.extract.matte import RESIDUE_PX, cut_with_residue, one_piece
 from finloop.extract.samples import measure_edge_width
 from finloop.extract.segment import (
     SilhouetteEdge,
@@ -142,33 +142,33 @@ def draw(cutout, tank):
 
 def test_a_cut_out_on_its_own_tank_gives_the_film_back_with_the_shadow_around_the_fish():
     film, tank, alpha, distance = filmed_disc()
-    whole, shown = add_residue(alpha, film, tank, 0.3)
-    drawn = draw(premultiply_cutout(shown, tank, whole), tank)
+    cutout = cut_with_residue(alpha, film, tank, np.ones(1), 0.3)
+    drawn = draw(cutout, tank)
     near = distance < 20 + RESIDUE_PX - 2
     assert np.abs(drawn - film[..., 0])[near].max() < 1.1
     assert np.abs(draw(premultiply_cutout(film, tank, alpha), tank) - film[..., 0]).max() > 4
-    assert whole[distance > 22].max() < 26  # the shadow is faint, and
-    assert premultiply_cutout(shown, tank, whole)[distance > 22, 0].max() <= 1  # black
+    assert cutout[distance > 22, 1].max() < 26  # the shadow is faint, and
+    assert cutout[distance > 22, 0].max() <= 1  # black
 
 
 def test_on_a_tank_with_grain_the_cut_out_brings_no_grain_of_its_own():
     film, tank, alpha, distance = filmed_disc(grain=2.0, shadow=0.0)
-    whole, shown = add_residue(alpha, film, tank, 2.0)
-    cutout, around = premultiply_cutout(shown, tank, whole), (distance > 23) & (distance < 27)
+    cutout = cut_with_residue(alpha, film, tank, np.ones(1), 2.0)
+    around = (distance > 23) & (distance < 27)
     other = tank + np.random.default_rng(5).normal(0, 2.0, tank.shape)
     assert 1.8 < (draw(cutout, other) - tank)[around].std() < 2.4  # the sum of both has 2.8
-    assert whole[around].mean() < 0.02 * 255
+    assert cutout[around, 1].mean() < 0.02 * 255
 
 
 def test_a_light_that_differs_beside_the_fish_leaves_no_halo():
     film, tank, alpha, distance = filmed_disc(grain=1.0, light=1.005, shadow=0.0)
-    whole, shown = add_residue(alpha, film, tank, 1.0)
+    cutout = cut_with_residue(alpha, film, tank, np.ones(1), 1.0)
     around = (distance > 22) & (distance < 27)
-    assert abs((draw(premultiply_cutout(shown, tank, whole), tank) - 180)[around].mean()) < 0.1
+    assert abs((draw(cutout, tank) - 180)[around].mean()) < 0.1
 
 
 def test_another_animal_near_by_is_no_residue():
     film, tank, alpha, distance = filmed_disc(shadow=0.0)
     film[48:53, 76:90] = 90  # its head, 5 px away
-    whole, _ = add_residue(alpha, film, tank, 0.3)
-    assert whole[distance > 22].max() == 0
+    cutout = cut_with_residue(alpha, film, tank, np.ones(1), 0.3)
+    assert cutout[distance > 22, 1].max() == 0

@@ -20,7 +20,7 @@ import scipy.special
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
-from finloop.base.kernel import kernel
+from finloop.base.kernel import finite_kernel, kernel
 
 # Chosen on drawn carp, whose alpha is known, and on the mouse, whose tail has no deep pixels.
 _DEEP = 2.8  # px from the outline, from which a pixel shows fish alone; of small fish less:
@@ -145,36 +145,107 @@ def _bridge_gaps(alpha: Picture, visible: Picture) -> Picture:
     return bridged
 
 
-def add_residue(
-    alpha: Picture, film: NDArray[np.float32], tank: Picture, grain_grey: float
-) -> tuple[Picture, NDArray[np.float32]]:
-    """Return an alpha with the faint residue around a fish, and the film without its grain there.
+def cut_with_residue(
+    alpha: Picture, film: Picture | NDArray[np.float32], tank: Picture, gains: Floats,
+    grain_grey: float,
+) -> Picture:  # fmt: skip
+    """Return a fish cut out of a frame, in even light, with the faint residue around it.
 
-    alpha: (h, w), with a rim of RESIDUE_PX of the tank; film: (h, w, k), in even light; tank: (h,
-    w[, k]), empty; grain_grey: SD of film less tank where no animal is. The second result (h, w, k)
-    is in the light beside the fish, which can differ a little from that of the whole frame. It is
-    the film where alpha is 1. Elsewhere the difference of film and tank is reduced to the power
-    that it has beyond the grain, for the tank of an animation has its own.
+    alpha: (h, w), with a rim of RESIDUE_PX of the tank; film: (h, w[, k]), as filmed; tank: (h, w[,
+    k]), empty, in even light; gains: (k,), of the light of the frame; grain_grey: SD of film less
+    tank where no animal is. The result (h, w, k + 1) uint8 is premultiplied, alpha last.
 
+    The light is that beside the fish, which can differ a little from that of the whole frame. The
+    result on the tank gives the film where alpha is 1. Elsewhere the difference of film and tank is
+    reduced to the power that it has beyond the grain, for the tank of an animation has its own.
     The added alpha is the least that shows the difference, black or white, and less than a tenth.
     """
-    level = tank.reshape(film.shape).astype(np.float32)
-    beside = (alpha == 0) & (np.abs(film - level).max(axis=2) <= 2 * grain_grey)
-    if np.count_nonzero(beside) >= _FEWEST:
-        film = film * (level[beside].sum(axis=0) / np.maximum(film[beside].sum(axis=0), 1))
-    change = film - level
-    power = cv2.blur(np.square(change).mean(axis=2), (_POWER_PX, _POWER_PX))
-    of_grain = grain_grey**2 / np.maximum(power, 1e-6)
-    share = np.where(of_grain > _MOSTLY_GRAIN, 0, np.sqrt(np.maximum(1 - of_grain, 0)))
-    distance = cv2.distanceTransform((alpha == 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
-    share *= np.clip((RESIDUE_PX + 1 - distance) / _FADE_PX, 0, 1)
-    needed = np.maximum(-change / np.maximum(level, 1), change / np.maximum(255 - level, 1))
-    opacity = 255 * needed.max(axis=2)
-    other = ((opacity >= _VISIBLE) & (distance > _FAR_PX)).astype(np.uint8)
-    share[cv2.dilate(other, np.ones((2 * _FAR_PX + 1,) * 2, np.uint8)) > 0] = 0
-    residue = np.rint(np.minimum(share * opacity, _VISIBLE - 1)).astype(np.uint8)
-    share = np.maximum(share, alpha / np.float32(255))
-    return np.maximum(alpha, residue), level + share[..., None] * change
+    shape = (*alpha.shape, len(gains))
+    film, tank = (np.ascontiguousarray(picture).reshape(shape) for picture in (film, tank))
+    distance = cv2.distanceTransform((alpha == 0).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
+    change, squared, opacity = _change_beside(alpha, film, tank, gains, grain_grey)
+    power = cv2.blur(squared, (_POWER_PX, _POWER_PX))
+    other = ((opacity >= _VISIBLE) & (distance > _FAR_PX)).view(np.uint8)
+    other = cv2.dilate(other, np.ones((2 * _FAR_PX + 1,) * 2, np.uint8))
+    return _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_grey)
+
+
+# Both kernels go through a row once for each channel: grey pixels are then worked on in parallel.
+@finite_kernel
+def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-untyped-def]
+    """Return film less tank in the light beside a fish, its square, and the alpha that shows it.
+
+    alpha: (h, w); film, tank: (h, w, k); gains: (k,). The change is (h, w, k), its mean square (h,
+    w), and the alpha (h, w), which is 255 or more where nothing of the tank is seen: all float32.
+    """
+    height, width, channels = film.shape
+    light, limit = (1 / gains).astype(np.float32), np.float32(2 * grain_grey)
+    count, of_tank, of_film = 0, np.zeros(channels), np.zeros(channels)
+    most = np.empty(width, np.float32)
+    for y in range(height):
+        for x in range(width):
+            most[x] = np.float32(alpha[y, x]) * np.float32(256)
+        for k in range(channels):
+            gain = light[k]
+            for x in range(width):
+                level = np.float32(film[y, x, k]) * gain
+                most[x] = max(most[x], abs(level - np.float32(tank[y, x, k])))
+        for x in range(width):
+            count += most[x] <= limit
+        for k in range(channels):
+            tank_sum, film_sum = np.float32(0), np.float32(0)
+            for x in range(width):
+                beside = np.float32(most[x] <= limit)
+                tank_sum += beside * np.float32(tank[y, x, k])
+                film_sum += beside * np.float32(film[y, x, k])
+            of_tank[k] += tank_sum
+            of_film[k] += film_sum
+    if count >= _FEWEST:
+        light = (of_tank / np.maximum(of_film, 1.0)).astype(np.float32)
+    change = np.empty(film.shape, np.float32)
+    squared, opacity = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
+    for y in range(height):
+        for k in range(channels):
+            gain = light[k]
+            for x in range(width):
+                level = np.float32(tank[y, x, k])
+                difference = np.float32(film[y, x, k]) * gain - level
+                room = max(level if difference < 0 else np.float32(255) - level, np.float32(1))
+                change[y, x, k] = difference
+                squared[y, x] += difference * difference / np.float32(channels)
+                opacity[y, x] = max(opacity[y, x], np.float32(255) * abs(difference) / room)
+    return change, squared, opacity
+
+
+@finite_kernel
+def _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_grey):  # type: ignore[no-untyped-def]
+    """Return a cut-out (h, w, k + 1) uint8, premultiplied: the change beyond the grain, over alpha.
+
+    alpha (h, w), tank (h, w, k); change, opacity: from `_change_beside`; power: mean square of the
+    change around a pixel; other: not 0 near another animal; distance: px to the fish.
+    """
+    height, width, channels = change.shape
+    result = np.empty((height, width, channels + 1), np.uint8)
+    share, opaque = np.empty(width, np.float32), np.empty(width, np.float32)
+    of_grain, one = np.float32(grain_grey**2), np.float32(1)
+    for y in range(height):
+        for x in range(width):
+            fade = (np.float32(RESIDUE_PX + 1) - distance[y, x]) / np.float32(_FADE_PX)
+            grain = of_grain / max(power[y, x], np.float32(1e-6))
+            shown = np.sqrt(max(one - grain, np.float32(0))) * min(max(fade, np.float32(0)), one)
+            if (grain > np.float32(_MOSTLY_GRAIN)) | (other[y, x] > 0):
+                shown = np.float32(0)
+            faint = np.floor(min(shown * opacity[y, x], np.float32(_VISIBLE - 1)) + np.float32(0.5))
+            own = np.float32(alpha[y, x])
+            share[x], opaque[x] = max(shown, own / np.float32(255)), max(own, faint)
+        for k in range(channels):
+            for x in range(width):
+                through = opaque[x] / np.float32(255) * np.float32(tank[y, x, k])
+                of_fish = share[x] * change[y, x, k] + through + np.float32(0.5)
+                result[y, x, k] = np.uint8(min(max(of_fish, np.float32(0)), opaque[x]))
+        for x in range(width):
+            result[y, x, channels] = np.uint8(opaque[x])
+    return result
 
 
 @kernel

@@ -30,7 +30,7 @@ from finloop.extract.backbone import (
 )
 from finloop.extract.background import Scene, difference_image
 from finloop.extract.fins import Fins, PalePixels, add_fins_to_alpha
-from finloop.extract.matte import RESIDUE_PX, add_residue, one_piece, soft_edge
+from finloop.extract.matte import RESIDUE_PX, cut_with_residue, one_piece, soft_edge
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
@@ -348,13 +348,13 @@ def _cut_out(
         return premultiply_cutout(frame[window], scene.background[window], alpha), corner
     before = min(RESIDUE_PX, top), min(RESIDUE_PX, left)
     after = min(RESIDUE_PX, len(frame) - bottom), min(RESIDUE_PX, frame.shape[1] - right)
-    alpha = np.pad(alpha, tuple(zip(before, after, strict=True)))
+    alpha = cv2.copyMakeBorder(
+        alpha, before[0], after[0], before[1], after[1], cv2.BORDER_CONSTANT, value=0
+    )
     top, left = top - before[0], left - before[1]
     window = np.s_[top : top + alpha.shape[0], left : left + alpha.shape[1]]
-    film = (frame[window].reshape(*alpha.shape, -1) / scene.gains).astype(np.float32)
-    tank = scene.even[window]
-    alpha, shown = add_residue(alpha, film, tank, scene.grain)
-    return premultiply_cutout(shown, tank, alpha), (left, top)
+    film, tank = frame[window], scene.even[window]
+    return cut_with_residue(alpha, film, tank, scene.gains, scene.grain), (left, top)
 
 
 @kernel
@@ -401,9 +401,7 @@ def premultiply_cutout(
     (h, w).
     """
     shape = (*alpha.shape, film.size // alpha.size)
-    return _premultiply_channels(
-        film.reshape(shape).astype(np.float32), tank.reshape(shape).astype(np.float32), alpha
-    )
+    return _premultiply_channels(film.reshape(shape), tank.reshape(shape), alpha)
 
 
 @kernel
@@ -416,7 +414,7 @@ def _premultiply_channels(film, tank, alpha):  # type: ignore[no-untyped-def]
             opaque = np.float32(alpha[y, x])
             through = 1 - opaque / np.float32(255)
             for k in range(channels):
-                of_fish = film[y, x, k] - through * tank[y, x, k]
+                of_fish = np.float32(film[y, x, k]) - through * np.float32(tank[y, x, k])
                 result[y, x, k] = int(min(max(of_fish + np.float32(0.5), np.float32(0)), opaque))
     result[..., channels] = alpha
     return result
