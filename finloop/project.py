@@ -508,20 +508,22 @@ class Project:
         """Return the pictures that any edit list can draw: frames and sprites, in any pose."""
         return self._open_gallery(self.tracks(PLACES), self.sprites, self.bodies)
 
-    def gallery(self, drawn: EditSources) -> Gallery:
+    def gallery(self, drawn: EditSources, residue: bool = True) -> Gallery:
         """Return the pictures that one edit list draws: frames, and sprites if it shows any.
 
-        drawn: the edit list with its tables, from `edit_with_sources`.
+        drawn: the edit list with its tables, from `edit_with_sources`. residue: False for pictures
+        that are not drawn on the film's own tank (`Gallery`).
         """
-        return self._open_gallery(drawn.tracks, drawn.sprites, drawn.bodies)
+        return self._open_gallery(drawn.tracks, drawn.sprites, drawn.bodies, residue)
 
     def _open_gallery(
-        self, tracks: pd.DataFrame, sprites: pd.DataFrame | None, bodies: Bodies | None
-    ) -> Gallery:
+        self, tracks: pd.DataFrame, sprites: pd.DataFrame | None, bodies: Bodies | None,
+        residue: bool = True,
+    ) -> Gallery:  # fmt: skip
         """Return the film's pictures; also sprites, and bent or mirrored fish, if these are given.
 
         tracks: the columns `PLACES` of the table of tracks, n rows. sprites: their table. bodies:
-        the film's poses.
+        the film's poses. residue: see `Gallery`.
         """
         from finloop.edit.schema import FRAME, SPRITE
         from finloop.render.gallery import Gallery, build_cutout_sets
@@ -529,7 +531,7 @@ class Project:
         stores = {FRAME: self.cutouts}
         if sprites is not None:
             stores[SPRITE] = self.sprite_cutouts
-        return Gallery(build_cutout_sets(stores, tracks, sprites), bodies)
+        return Gallery(build_cutout_sets(stores, tracks, sprites), bodies, residue=residue)
 
 
 @lru_cache(1)

@@ -55,7 +55,7 @@ def _save_films(
     the place of its left top corner in the tank or, for sprites, of the mass centre in the film.
     """
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
-    gallery = project.gallery(drawn)
+    gallery = project.gallery(drawn, residue=False)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
     # Pictures of each sequence, and the half side [px] of a square canvas that holds them all.
     cycles = {word: sprites_of_sequence(sprites, word, gallery) for word in SEQUENCES}

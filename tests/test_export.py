@@ -33,6 +33,7 @@ from finloop.export.pictures import (
     sprites_of_sequence,
 )
 from finloop.export.tracks import deeplabcut_tables, keypoints_of_tracks
+from finloop.extract.matte import drop_residue
 from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.identity.film import IDENTITIES
@@ -527,6 +528,9 @@ def test_the_stage_hands_everything_on(folder):
         with Image.open(out / f"{name}.webp") as webp:
             assert webp.size == (film["width_px"], film["height_px"])
             assert webp.n_frames == (6 if name == "network" else 3)  # 0.2 s
+            visible = np.asarray(webp.convert("RGBA"))[..., 3]
+            away_px = cv2.distanceTransform((visible < 26).astype(np.uint8), cv2.DIST_L2, 5)
+            assert visible[away_px > 3].max() == 0  # on any ground, no smudge around the fish
         for k, alpha in enumerate(shown):
             centre = mass_centre(alpha.astype(float))
             if name == "network":  # the fish is where the edit list says
@@ -550,7 +554,7 @@ def test_the_stage_hands_everything_on(folder):
     with Image.open(out / atlas["meta"]["image"]) as page:
         box = atlas["frames"]["left/07/02"]["frame"]
         part = np.array(page)[box["y"] :, box["x"] :][: box["h"], : box["w"]]
-    assert np.array_equal(part[..., 3], drop(turn=1)[..., 1])
+    assert np.array_equal(part[..., 3], drop_residue(drop(turn=1))[..., 1])
 
     tracks = pd.read_csv(out / "tracks.csv", header=[0, 1, 2, 3], index_col=0)
     tracks = tracks["finloop"]["animal_0"]

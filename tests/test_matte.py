@@ -9,7 +9,7 @@ import pytest
 from finloop.drawn.carp.film import carp_motion, draw_fish_alone, empty_tank, film_frames
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract.background import Scene, match_scene_to_light
-from finloop.extract.matte import RESIDUE_PX, cut_with_residue, one_piece
+from finloop.extract.matte import RESIDUE_PX, cut_with_residue, drop_residue, one_piece
 from finloop.extract.samples import measure_edge_width
 from finloop.extract.segment import (
     SilhouetteEdge,
@@ -22,10 +22,16 @@ from finloop.extract.segment import (
 SIZE = 240, 320
 
 
+class NoShadow(CarpFilm):
+    """A film of carp without shadows on the floor."""
+
+    shadow = 0.0
+
+
 @cache
-def carp(colour):
+def carp(colour, film_type=CarpFilm):
     """Cut-outs of drawn carp with closed fins, as filmed: truth, alpha and colours of each."""
-    film = CarpFilm(
+    film = film_type(
         frames=9, fish=1, width_px=SIZE[1], height_px=SIZE[0], body_length_px=80.0,
         frame_rate_hz=25.0, noise_grey=1.5, fins_open_ratio=0.0, seed=4, colour=colour,
     )  # fmt: skip
@@ -50,11 +56,13 @@ def carp(colour):
 
 
 @pytest.mark.parametrize("colour", [False, True])
-def test_the_alpha_of_a_drawn_fish_is_right_to_two_per_cent(colour):
+@pytest.mark.parametrize("film_type", [CarpFilm, NoShadow])
+def test_the_alpha_of_a_drawn_fish_is_right_to_two_per_cent(film_type, colour):
     errors, before, edges = [], [], []
-    for _, true, cutout, old in carp(colour):
-        visible = np.where(cutout[..., -1] < 26, 0, cutout[..., -1])  # fainter is its shadow
-        error = np.abs(visible / 255 - true)
+    for _, true, cutout, old in carp(colour, film_type):
+        # The truth has no shadow: it is compared with the fish alone, or filmed without a shadow.
+        shown = drop_residue(cutout) if film_type is CarpFilm else cutout
+        error = np.abs(shown[..., -1] / 255 - true)
         errors.append(error.mean())
         before.append(np.abs(old / 255 - true).mean())
         edges.append(error[(true > 0.02) & (true < 0.98)].mean())
@@ -67,6 +75,7 @@ def test_the_alpha_of_a_drawn_fish_is_right_to_two_per_cent(colour):
 @pytest.mark.parametrize("ground", [0, 128, 255])
 def test_on_any_ground_the_edge_has_next_to_no_colour_of_the_tank(ground):
     for colours, true, cutout, _ in carp(True):
+        cutout = drop_residue(cutout)
         alpha = cutout[..., -1:] / 255
         shown = cutout[..., :-1] + (1 - alpha) * ground
         right = colours + (1 - true[..., None]) * ground
@@ -172,3 +181,15 @@ def test_another_animal_near_by_is_no_residue():
     film[48:53, 76:90] = 90  # its head, 5 px away
     cutout = cut_with_residue(alpha, film, tank, np.ones(1), 0.3)
     assert cutout[distance > 22, 1].max() == 0
+
+
+@pytest.mark.parametrize("ground", [0, 255])
+def test_without_its_residue_a_cut_out_leaves_any_other_ground_as_it_is(ground):
+    film, tank, alpha, distance = filmed_disc(grain=0.5)
+    with_shadow = cut_with_residue(alpha, film, tank, np.ones(1), 0.5)
+    fish, other = drop_residue(with_shadow), np.full(alpha.shape, ground, np.uint8)
+    around = distance > 23
+    assert np.array_equal(draw(fish, other)[around], other[around])
+    assert np.abs(draw(with_shadow, other) - other)[around].max() > (2 if ground else 0)
+    assert np.array_equal(fish[distance < 20], with_shadow[distance < 20])  # the fish is whole
+    assert np.array_equal(drop_residue(fish), fish)

@@ -267,6 +267,19 @@ def two_fish(n=3, **columns):
     return both.assign(x_px=60.0, **columns)
 
 
+def test_a_gallery_for_other_grounds_leaves_out_the_residue():
+    pixels = np.zeros((20, 20, 2), np.uint8)
+    pixels[..., 1], pixels[8:12, 8:12] = 20, 255  # a fish in a faint shadow
+    stored = {"frame": CutoutSet([Cutout(0, 0, 0, 0, pixels)], np.array([[9.5, 9.5]]))}
+    alone, own = Gallery(stored, residue=False), Gallery(stored)
+    for mirrored in (False, True):
+        kept = own.film_picture(0, mirrored).pixels[..., 1] > 0
+        assert np.count_nonzero(kept) == 400
+        shown = alone.film_picture(0, mirrored).pixels[..., 1]
+        assert np.count_nonzero(shown) == 36  # the fish and the pixel around it
+        assert np.count_nonzero(shown == 255) == 16
+
+
 def test_of_several_fish_the_one_with_the_highest_number_is_on_top():
     ticks = list(fish_by_tick(two_fish(), gallery()))
     assert [len(fish) for fish in ticks] == [2, 2, 2]

@@ -9,14 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_stimulus import feed_of, header_of, plan_of, run_dry, scene, session_of
+from toy_tank import Drops
 
 from finloop.base.errors import FinloopError
+from finloop.edit.schema import FRAME
+from finloop.extract.matte import drop_residue
 from finloop.io.journal import read_journal, save_journal
 from finloop.live.page import pack_message
+from finloop.render.gallery import CutoutSet, Gallery
 from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.drawn import ALPHA, PARTNER, PICTURE, X, Y
 from finloop.stimulus.log import SESSION, FrameFacts, Log, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialSetup, plan_motion
+from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.recorded import DryClock
 from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
 from finloop.stimulus.summary import (
@@ -50,6 +55,15 @@ def walk(seed, seconds=30.0, rate=40.0, loss=0.0, jitter=0.0, gaps=False):
         text = {"t": round(t, 4), "id": "1", "x": round(place[0], 2), "y": round(place[1], 2)}
         messages.append((t + rng.uniform(0, jitter), json.dumps(text)))
     return sorted(messages)
+
+
+def test_a_display_shows_the_fish_without_its_residue():
+    bodies, stored = scene().bodies, Drops(1)[0].pixels
+    count = len(bodies.poses.codes)
+    cutouts = CutoutSet(Drops(count), np.full((count, 2), 15.0))
+    shown = PagePictures(Gallery({FRAME: cutouts}, bodies))(0).pixels
+    assert np.array_equal(shown, drop_residue(stored))
+    assert np.count_nonzero(shown[..., 1]) < np.count_nonzero(stored[..., 1])
 
 
 # --- courses

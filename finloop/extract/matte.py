@@ -8,7 +8,7 @@ of the whole animal takes its place.
 
 Around the fish the film shows more: a soft shadow, what its codec or a lens adds to an edge. This
 residue belongs to the cut-out too, as faint black or white, so a fish drawn on its own empty tank
-gives the film's pixels back.
+gives the film's pixels back. On any other ground it would be a smudge: `drop_residue`.
 """
 
 from functools import lru_cache
@@ -168,6 +168,16 @@ def cut_with_residue(
     other = ((opacity >= _VISIBLE) & (distance > _FAR_PX)).view(np.uint8)
     other = cv2.dilate(other, np.ones((2 * _FAR_PX + 1,) * 2, np.uint8))
     return _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_grey)
+
+
+def drop_residue(pixels: Picture) -> Picture:
+    """Return a cut-out (h, w, k + 1) uint8 without its residue, for another ground than its tank.
+
+    Of what is hardly seen (alpha below a tenth) only the outermost pixel of the edge remains.
+    pixels: premultiplied, alpha last.
+    """
+    visible = cv2.threshold(pixels[..., -1], _VISIBLE - 1, 1, cv2.THRESH_BINARY)[1]
+    return np.asarray(pixels * cv2.dilate(visible, np.ones((3, 3), np.uint8))[..., None])
 
 
 # Both kernels go through a row once for each channel: grey pixels are then worked on in parallel.

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.cutout import Cutout
+from finloop.extract.matte import drop_residue
 from finloop.features.table import count_orientations, orientation_heading_deg
 from finloop.plots.parts import INK, Picture, composite_on_grey, join_in_rows, write_text
 
@@ -74,7 +75,7 @@ def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, belo
     scale = size / (2 * reach)
     x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
     to_tile = np.array([[scale, 0, size / 2 - scale * x], [0, scale, size / 2 - scale * y]])
-    pixels = cutout.pixels.astype(np.float32)
+    pixels = drop_residue(cutout.pixels).astype(np.float32)
     scaled = np.clip(cv2.warpAffine(pixels, to_tile, (size, size), flags=cv2.INTER_CUBIC), 0, 255)
     tile = composite_on_grey(scaled[..., :-1], scaled[..., -1:] / 255)
     middle = size // 2

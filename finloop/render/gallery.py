@@ -14,6 +14,7 @@ from finloop.base.errors import FinloopError
 from finloop.distance.reel import sprite_store_row
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, SPRITE, RowPicture, row_partner, row_picture
+from finloop.extract.matte import drop_residue
 from finloop.features.table import count_orientations
 from finloop.puppet import PlacedBackbone
 from finloop.render.painter import (
@@ -47,14 +48,16 @@ class Gallery:
     """Pictures of fish that edit lists name; the last used ones stay in memory."""
 
     def __init__(
-        self, cutout_sets: Mapping[str, CutoutSet], bodies: Bodies | None = None, keep: int = 512
-    ) -> None:
+        self, cutout_sets: Mapping[str, CutoutSet], bodies: Bodies | None = None, keep: int = 512,
+        residue: bool = True,
+    ) -> None:  # fmt: skip
         """Take the cut-outs by kind, FRAME or SPRITE.
 
         bodies: the film's postures, without which no frame is drawn mirrored or in another pose.
-        keep: how many pictures stay in memory.
+        keep: how many pictures stay in memory. residue: whether they keep the faint residue around
+        the fish (`finloop.extract.matte`), which belongs on the film's own tank alone.
         """
-        self.cutout_sets, self.bodies = cutout_sets, bodies
+        self.cutout_sets, self.bodies, self.residue = cutout_sets, bodies, residue
         self.picture = lru_cache(keep)(self._load_picture)
 
     def _load_picture(
@@ -68,9 +71,10 @@ class Gallery:
         cutout = cutout_set.store[sprite_store_row(source, orientation, cutout_set.orientations)]
         x_px, y_px = cutout_set.centres_px[source]
         x, y = x_px - cutout.x0_px, y_px - cutout.y0_px
+        pixels = cutout.pixels if self.residue else drop_residue(cutout.pixels)
         if mirrored:
-            return pad_picture(cutout.pixels[:, ::-1], cutout.pixels.shape[1] - 1 - x, y)
-        return pad_picture(cutout.pixels, x, y)
+            return pad_picture(pixels[:, ::-1], pixels.shape[1] - 1 - x, y)
+        return pad_picture(pixels, x, y)
 
     def film_picture(self, row: int, mirrored: bool = False) -> PaddedPicture:
         """Return the picture of a row of the film; mirrored: left and right exchanged."""

@@ -18,6 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
+from finloop.extract.matte import drop_residue
 from finloop.features.table import count_orientations
 
 PADDING = 2  # px between pictures, so that an engine's filter reaches no neighbour
@@ -129,12 +130,13 @@ def draw_atlas_page(
 ) -> NDArray[np.uint8]:
     """Draw an atlas page as a picture (height, width, 4), RGBA with straight alpha.
 
-    read_pixels(sprite, orientation): returns its premultiplied picture (h, w, 2 or 4).
+    read_pixels(sprite, orientation): returns its premultiplied picture (h, w, 2 or 4). Residue is
+    left out, as other programs have other grounds.
     """
     canvas = np.zeros((page.height, page.width, 4), np.uint8)
     for slot in page.slots:
         target = canvas[slot.y : slot.y + slot.height, slot.x : slot.x + slot.width]
-        source = read_pixels(slot.sprite, slot.orientation)
+        source = drop_residue(read_pixels(slot.sprite, slot.orientation))
         target[..., :3] = source[..., :-1]  # grey gives R = G = B
         target[..., 3:] = source[..., -1:]
     return to_straight_alpha(canvas)

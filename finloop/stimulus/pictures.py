@@ -8,6 +8,7 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Picture
 from finloop.edit.schema import FRAME
+from finloop.extract.matte import drop_residue
 from finloop.render.gallery import Gallery
 from finloop.stimulus.drawn import PARTNER, PICTURE, States
 
@@ -103,12 +104,15 @@ class PagePictures:
         return {number: self(number) for number in list_shown_rows(states)}
 
     def __call__(self, number: int) -> PagePicture:
-        """Return the picture in a row of the film, shrunk; FinloopError if its file is damaged."""
+        """Return the picture in a row of the film, shrunk; FinloopError if its file is damaged.
+
+        It has no residue (`finloop.extract.matte`): a display has grounds and looks of its own.
+        """
         cutout_set, bodies = self._gallery.cutout_sets[FRAME], self._gallery.bodies
         assert bodies is not None
         cutout, (x_px, y_px) = cutout_set.store[number], cutout_set.centres_px[number]
         pose = bodies.poses.pose[number]
-        pixels, (x_scale, y_scale) = _shrink_picture(cutout.pixels, self._shrink)
+        pixels, (x_scale, y_scale) = _shrink_picture(drop_residue(cutout.pixels), self._shrink)
         # The mass centre within the shrunk picture; the centre of its first pixel is 0.
         x = (x_px - cutout.x0_px + 0.5) * x_scale - 0.5
         y = (y_px - cutout.y0_px + 0.5) * y_scale - 0.5
