@@ -26,6 +26,7 @@ from finloop.animate import kinematics as step
 from finloop.animate import measures
 from finloop.animate.arena import (
     FilmHulls,
+    are_points_inside,
     choose_fish_area,
     is_floor_alike_beyond,
     make_tank,
@@ -191,6 +192,18 @@ def test_from_every_place_a_path_leads_round_a_column_to_every_other():
         for _ in range(20):
             x, y = found.waypoint(x, y, *target)
         assert (x, y) == target
+
+
+def test_no_path_leads_through_a_thin_wall_round_which_a_small_fish_can_swim():
+    arena = np.ones((200, 2000), bool)
+    arena[:180, 998:1001] = False
+    found = make_tank(arena, 2.0)
+    places, target = [(900.0, 100.0)], (1100.0, 100.0)
+    while places[-1] != target:
+        places.append(found.waypoint(*places[-1], *target))
+        on_way = np.linspace(*places[-2:], 1000)
+        assert are_points_inside(found.arena, *on_way.T).all()
+        assert len(places) < 20
 
 
 def test_a_point_beyond_the_legal_is_brought_to_its_edge():

@@ -30,7 +30,7 @@ _ALIKE = 0.5
 0.16-0.36."""
 _MOST_REACH = 0.5  # of the distance from wall to middle: a fish that reaches farther cannot turn
 _PATH_LOCK = Lock()
-_CELLS = 200  # cells a side, at most, of the map on which a path round a wall is sought
+_CELLS = 200  # cells a side, at most, of the map on which a path round a thick wall is sought
 _CELLS_TO_WALL = 6  # cells, at most, from a legal pixel to the wall: with 3, arcs block the sight
 
 
@@ -74,7 +74,7 @@ class Tank:
         """Return the point x, y px to swim straight to: the target if in sight, else a waypoint.
 
         x, y, to_x, to_y: px of the fish and of the target. The waypoint is the farthest in sight of
-        the shortest path round the walls, on a coarse map of at most 200 cells a side.
+        the shortest path round the walls, on a coarse map.
         """
         if self.can_swim_straight(x, y, to_x, to_y):
             return to_x, to_y
@@ -89,34 +89,32 @@ class Tank:
         # Of each cell the legal pixel nearest to its middle.
         rows, columns = np.minimum(cells * cell + cell // 2, np.array(self.legal.shape) - 1).T
         points = self.nearest[::-1, rows, columns].T.astype(float)
-        way_x, way_y = points[_farthest_in_sight(self._sight, self.arena, x, y, points)]
+        points[-1] = to_x, to_y
+        way_x, way_y = points[_farthest_in_sight(self.legal, self.arena, x, y, points)]
         return float(way_x), float(way_y)
 
     @cached_property
     def _coarse_map(self) -> tuple[int, skimage.graph.MCP_Geometric]:
         """Return the coarse map of the tank: size of a cell, px, and solver of shortest paths.
 
-        A cell is free if any of its pixels is legal. So every legal pixel can be reached, and cells
-        are so small that the next one on a path is in sight.
+        A path may enter every cell that has a legal pixel, so each of these can be reached. Where
+        it can, it keeps to cells of legal pixels alone: a fish at a wall has no room to turn. Cells
+        are at most 200 a side, or more where walls are so thin that larger ones would bridge them.
         """
         to_wall_px = float(self.depth_px[self.legal].min())
-        cell = max(math.ceil(max(self.legal.shape) / _CELLS), int(to_wall_px / _CELLS_TO_WALL))
+        wanted = max(math.ceil(max(self.legal.shape) / _CELLS), int(to_wall_px / _CELLS_TO_WALL))
+        # Legal pixels on both sides of a wall are twice `to_wall_px` apart: too far for cells that
+        # touch.
+        cell = max(1, min(wanted, int(to_wall_px / math.sqrt(2))))
         padded = np.pad(self.legal, [(0, -side % cell) for side in self.legal.shape])
-        free = padded.reshape(len(padded) // cell, cell, -1, cell).any(axis=(1, 3))
-        # Through a wall only if nothing else leads there.
-        return cell, skimage.graph.MCP_Geometric(np.where(free, 1.0, 1e6))
+        blocks = padded.reshape(len(padded) // cell, cell, -1, cell)
+        # Along a wall only for want of room, and through it only if nothing else leads there.
+        cost = np.where(blocks.all(axis=(1, 3)), 1.0, np.where(blocks.any(axis=(1, 3)), 10.0, 1e6))
+        return cell, skimage.graph.MCP_Geometric(cost)
 
     def can_swim_straight(self, x: float, y: float, to_x: float, to_y: float) -> bool:
         """Return whether no wall is on the straight line from (x, y) px to (to_x, to_y) px."""
-        return bool(is_line_legal(self._sight, self.arena, x, y, to_x, to_y))
-
-    @cached_property
-    def _sight(self) -> Mask:
-        """Return where a straight line may lead (h, w): legal pixels, and those beside them.
-
-        A line between two legal pixels of a straight or round wall may round to pixels beside them.
-        """
-        return cv2.dilate(self.legal.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        return bool(is_line_legal(self.legal, self.arena, x, y, to_x, to_y))
 
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
         """Return a random pixel x, y where the fish's centre may be; all are equally likely."""
