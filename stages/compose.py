@@ -59,13 +59,16 @@ def refuse_wrong_values(values: Mapping[str, Mapping[str, Any]], overrides: list
     """Raise FinloopError if composing `values` with further overrides would refuse them.
 
     It takes a tenth of the time of composing. values: content of params.yaml. overrides: in Hydra's
-    syntax; if one is not `group.key=value` of a parameter in `values`, it raises KeyError.
+    syntax; if one is not `group.key=value` of a parameter in `values`, or its value is to be looked
+    up (`${…}`), it raises KeyError.
     """
     changed = {word: values[word] for word in GROUPS}
-    for override in map(OverridesParser.create().parse_override, overrides):
+    parser = OverridesParser.create()
+    for text in overrides:
+        override = parser.parse_override(text)
         word, _, key = override.get_key_element().partition(".")
-        if key not in changed[word]:
-            raise KeyError(override.get_key_element())
+        if key not in changed[word] or "${" in text:
+            raise KeyError(text)
         changed[word] = {**changed[word], key: override.value()}
     if problems := list_problems(changed) or find_conflicts(changed):
         raise refusal_error(problems)

@@ -143,9 +143,11 @@ class Copy:
         aside = socket.with_suffix(".aside")
         if socket.exists():  # a server is Linux's
             socket.rename(aside)
-        yield
-        if aside.exists():
-            aside.rename(socket)
+        try:
+            yield
+        finally:
+            if aside.exists():
+                aside.rename(socket)
 
     def back(self) -> None:
         """As it was after the first run."""

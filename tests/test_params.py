@@ -634,7 +634,8 @@ def test_a_run_of_a_sweep_is_refused_without_composing_it_unless_it_names_no_par
     refuse_wrong_values(values, ["bpn.epochs=3", "features.turn_threshold_deg=auto"])
     with pytest.raises(FinloopError, match=r"bpn\.epochs: should be greater"):
         refuse_wrong_values(values, ["bpn.epochs=-3"])
-    for override in ("bpn.epohcs=3", "clip=file", "+bpn.new=3", "nobody.epochs=3"):
+    looked_up = "bpn.epochs=${bpn.seed}"
+    for override in ("bpn.epohcs=3", "clip=file", "+bpn.new=3", "nobody.epochs=3", looked_up):
         with pytest.raises(KeyError):
             refuse_wrong_values(values, [override])
     assert values == made_values() and values["bpn"]["epochs"] == 200

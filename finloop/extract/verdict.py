@@ -52,7 +52,8 @@ def measure_area_range(track: Ints, area_px: Floats) -> float:
     It is the median over the tracks, each weighted by its frames. track, area_px (rows,): of each
     silhouette of an animal, in any order.
     """
-    tracks = [area_px[track == number] for number in np.unique(track)]
+    order = np.argsort(track, kind="stable")
+    tracks = np.split(area_px[order], np.flatnonzero(np.diff(track[order])) + 1)
     ranges = [np.quantile(areas, 0.9) / np.quantile(areas, 0.1) for areas in tracks]
     return float(np.median(np.repeat(ranges, [len(areas) for areas in tracks])))
 
