@@ -860,6 +860,19 @@ def test_the_axis_of_an_array_s_frames_is_found_by_its_levels(tmp_path, carp_fil
     assert "40 frames of 224×168 px" in footage.notes[0]
 
 
+@pytest.mark.parametrize(("size", "grain", "flicker"), [(45, 2, 0), (12, 5, 0.1)])
+def test_frames_stay_the_first_axis_of_a_plain_tank(tmp_path, size, grain, flicker):
+    """Of a large animal, and of light that flickers: columns of a plain tank are all alike."""
+    rng, (y, x) = np.random.default_rng(0), np.mgrid[:120, :160]
+    frames = []
+    for k in range(60):
+        place = 80 + 60 * np.cos(0.2 * k), 60 + 45 * np.sin(0.26 * k)
+        picture = np.where(np.hypot(x - place[0], y - place[1]) < size, 60, 100 + 100 * x / 160)
+        frames.append(picture * (1 + flicker * rng.normal()) + rng.normal(0, grain, x.shape))
+    np.save(path := tmp_path / "film.npy", np.clip(frames, 0, 255).astype(np.uint8))
+    assert "60 frames of 160×120 px" in open_footage(path, frame_rate_hz=10).notes[0]
+
+
 def test_an_array_whose_axis_of_frames_is_unsure(tmp_path):
     noise = np.random.default_rng(0).integers(-3, 4, (40, 40, 40))
     np.save(path := tmp_path / "film.npy", noise)  # the first axis is as good as any
