@@ -101,7 +101,8 @@ def _serve() -> tuple[str, socket.socket]:
 
 def _end_with_command(connection: socket.socket) -> None:
     """Wait until the command at the other end of a connection ends; then end this process."""
-    connection.recv(1)
+    with suppress(OSError):  # it has ended before it read that the module begins
+        connection.recv(1)
     os._exit(1)
 
 

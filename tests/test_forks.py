@@ -1,5 +1,6 @@
 """A stage that a server has forked does what it does alone, and ends with its command."""
 
+import json
 import os
 import signal
 import socket
@@ -137,6 +138,20 @@ def test_a_forked_stage_ends_with_its_command(folder):
     stage = psutil.Process(pid)
     command.kill()
     command.communicate()
+    assert wait_for(lambda: not alive(stage), 10)
+
+
+def test_a_forked_stage_ends_with_a_command_that_never_read_of_its_begin(folder, monkeypatch):
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "WORD": "sunfish"}
+    reader, writer = os.pipe()
+    monkeypatch.chdir(folder)  # a socket's path must be short
+    with socket.socket(socket.AF_UNIX) as command, os.fdopen(reader) as lines:
+        command.connect(str(STAGE_SOCKET))
+        socket.send_fds(command, [b"\n"], [writer] * 3)
+        os.close(writer)
+        started = json.dumps(["words.speaker", ["time.sleep(60)"], environment])
+        command.sendall(f"{started}\n".encode())
+        stage = psutil.Process(int(lines.readline().partition(" ")[0]))
     assert wait_for(lambda: not alive(stage), 10)
 
 
