@@ -193,3 +193,14 @@ def test_without_its_residue_a_cut_out_leaves_any_other_ground_as_it_is(ground):
     assert np.abs(draw(with_shadow, other) - other)[around].max() > (2 if ground else 0)
     assert np.array_equal(fish[distance < 20], with_shadow[distance < 20])  # the fish is whole
     assert np.array_equal(drop_residue(fish), fish)
+
+
+@pytest.mark.parametrize("level", [0, 5, 255])
+def test_a_fish_keeps_its_levels_on_a_black_or_white_tank_whose_grain_is_cut_off(level):
+    rng, (y, x) = np.random.default_rng(0), np.mgrid[:60, :60] - 30.0
+    alpha = np.clip(12.5 - np.hypot(x, y), 0, 1)
+    film = (1 - alpha) * level + alpha * 90 + rng.normal(0, 2, x.shape)
+    film = np.clip(film, 0, 255).astype(np.float32)[..., None]
+    tank, opaque = np.full(x.shape, level, np.uint8), np.rint(255 * alpha).astype(np.uint8)
+    drawn = draw(cut_with_residue(opaque, film, tank, np.ones(1), 2.0), tank)
+    assert np.abs(drawn - film[..., 0])[alpha > 0].max() < 4

@@ -165,7 +165,8 @@ def cut_with_residue(
     distance = cv2.distanceTransform((alpha == 0).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
     change, squared, opacity = _change_beside(alpha, film, tank, gains, grain_grey)
     power = cv2.blur(squared, (_POWER_PX, _POWER_PX))
-    other = ((opacity >= _VISIBLE) & (distance > _FAR_PX)).view(np.uint8)
+    is_strong = squared > 16 * grain_grey**2  # on a black or white tank, grain alone is opaque
+    other = (is_strong & (opacity >= _VISIBLE) & (distance > _FAR_PX)).view(np.uint8)
     other = cv2.dilate(other, np.ones((2 * _FAR_PX + 1,) * 2, np.uint8))
     return _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_grey)
 
@@ -198,8 +199,11 @@ def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-unt
         for k in range(channels):
             gain = light[k]
             for x in range(width):
-                level = np.float32(film[y, x, k]) * gain
-                most[x] = max(most[x], abs(level - np.float32(tank[y, x, k])))
+                empty, level = np.float32(tank[y, x, k]), np.float32(film[y, x, k]) * gain
+                most[x] = max(most[x], abs(level - empty))
+                # Of levels that are cut off at black or white, the mean tells no light.
+                is_cut_off = (empty <= 2 * limit) | (empty >= np.float32(255) - 2 * limit)
+                most[x] = max(most[x], np.float32(is_cut_off) * np.float32(256))
         for x in range(width):
             count += most[x] <= limit
         for k in range(channels):
@@ -243,7 +247,8 @@ def _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_gr
             fade = (np.float32(RESIDUE_PX + 1) - distance[y, x]) / np.float32(_FADE_PX)
             grain = of_grain / max(power[y, x], np.float32(1e-6))
             shown = np.sqrt(max(one - grain, np.float32(0))) * min(max(fade, np.float32(0)), one)
-            if (grain > np.float32(_MOSTLY_GRAIN)) | (other[y, x] > 0):
+            is_other = (other[y, x] > 0) & (alpha[y, x] == 0)
+            if (grain > np.float32(_MOSTLY_GRAIN)) | is_other:
                 shown = np.float32(0)
             faint = np.floor(min(shown * opacity[y, x], np.float32(_VISIBLE - 1)) + np.float32(0.5))
             own = np.float32(alpha[y, x])
