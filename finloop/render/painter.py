@@ -454,18 +454,11 @@ def _draw_turned(
     return box
 
 
-@kernel
-def draw_pixels(canvas, drawn):  # type: ignore[no-untyped-def]
+def draw_pixels(canvas: Image, drawn: NDArray[np.float32]) -> None:
     """Draw a picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3), which is changed.
 
     drawn: premultiplied by alpha, its last channel.
     """
-    height, width, channels = canvas.shape
-    for y in range(height):
-        for x in range(width):
-            alpha = drawn[y, x, channels]
-            if alpha > 0:  # an empty pixel keeps its value
-                through = np.float32(1) - alpha
-                for k in range(channels):
-                    level = np.float32(255) * drawn[y, x, k] + through * canvas[y, x, k]
-                    canvas[y, x, k] = np.uint8(level + np.float32(0.5))
+    level, through = np.float32(255) * drawn[..., :-1], 1 - drawn[..., -1:]
+    # Half a level is added for rounding; an empty pixel keeps its value.
+    canvas[:] = level + through * canvas + np.float32(0.5)
