@@ -398,6 +398,15 @@ def test_a_fish_in_its_own_pose_is_drawn_as_without_one(angle, scale):
     assert np.abs(both.astype(int) - posed).max() <= 1
 
 
+@pytest.mark.parametrize("weight", [0.0, 0.4])
+def test_a_grey_fish_in_a_pose_is_grey_on_a_canvas_of_colour(weight):
+    one = bend_fish(fish(), 33.0)
+    painter = Painter(BLACK, colour=True)
+    painter.draw(60.4, 40.2, one, one, weight)
+    grey = paint_fish(60.4, 40.2, one, one, weight)
+    assert grey.any() and np.array_equal(painter.frame, np.dstack([grey] * 3))
+
+
 def test_a_bend_moves_the_tail_and_what_is_off_the_canvas_is_cut_off():
     curl = straight()
     curl[2:8] = np.linspace(0, 1.5, 6)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
+from finloop.base.kernel import kernel
 from finloop.distance.picture import blur_for_shrinking
 from finloop.puppet.lay import DrawingMode, paint_strips, plan_strips
 from finloop.puppet.pose import Pose
@@ -18,7 +19,6 @@ from finloop.puppet.strip import PlacedBackbone
 
 Premultiplied = NDArray[np.float32]
 _FRONT = 0.1  # of the body's length: over it the skin changes; wider, two patterns are seen at once
-_TINY = np.float32(1e-6)  # alpha that divides where nothing is
 _NOWHERE = np.empty((0, 0), np.float32)
 
 
@@ -95,12 +95,30 @@ def change_in_pose(
     top, left, bottom, right = box
     along = np.zeros((bottom - top, right - left), np.float32)
     new, old = (picture.draw_part(box, along) for picture in (first, second))
-    mixed = new + second_shares(along, weight)[..., None] * (old - new)
     outline = old if weight > 0.5 else new
-    # Where the mixed skin does not reach to the outline, the picture that has the outline fills in.
-    alpha, mixed_alpha = outline[..., -1:], mixed[..., -1:]
-    most: Premultiplied = np.maximum(np.maximum(alpha, mixed_alpha), _TINY)
-    return mixed * (alpha / most) + outline * (1 - mixed_alpha / most)
+    return _change_skin(new, old, second_shares(along, weight), outline)
+
+
+@kernel
+def _change_skin(new, old, shares, outline):  # type: ignore[no-untyped-def]
+    """Return pictures (h, w, c) mixed by the shares (h, w) of the old one, within an outline.
+
+    outline (h, w, c): the picture that has it. It fills in where the mixed skin does not reach it.
+    """
+    height, width, channels = outline.shape
+    picture = np.zeros_like(outline)
+    for y in range(height):
+        for x in range(width):
+            alpha = outline[y, x, channels - 1]
+            if alpha > 0:
+                share, new_alpha = shares[y, x], new[y, x, channels - 1]
+                mixed_alpha = new_alpha + share * (old[y, x, channels - 1] - new_alpha)
+                most = max(alpha, mixed_alpha)
+                skin, rest = alpha / most, np.float32(1) - mixed_alpha / most
+                for k in range(channels):
+                    mixed = new[y, x, k] + share * (old[y, x, k] - new[y, x, k])
+                    picture[y, x, k] = mixed * skin + outline[y, x, k] * rest
+    return picture
 
 
 def second_shares(along: NDArray[np.float32], weight: float) -> NDArray[np.float32]:

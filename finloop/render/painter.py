@@ -454,11 +454,20 @@ def _draw_turned(
     return box
 
 
-def draw_pixels(canvas: Image, drawn: NDArray[np.float32]) -> None:
+@kernel
+def draw_pixels(canvas, drawn):  # type: ignore[no-untyped-def]
     """Draw a picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3), which is changed.
 
-    drawn: premultiplied by alpha, its last channel.
+    drawn: premultiplied by alpha, its last channel; grey is drawn in all channels of a canvas.
     """
-    level, through = np.float32(255) * drawn[..., :-1], 1 - drawn[..., -1:]
-    # Half a level is added for rounding; an empty pixel keeps its value.
-    canvas[:] = level + through * canvas + np.float32(0.5)
+    height, width, channels = canvas.shape
+    opacity = drawn.shape[2] - 1
+    for y in range(height):
+        for x in range(width):
+            alpha = drawn[y, x, opacity]
+            if alpha > 0:  # an empty pixel keeps its value
+                through = np.float32(1) - alpha
+                for k in range(channels):
+                    level = np.float32(255) * drawn[y, x, min(k, opacity - 1)]
+                    level += through * np.float32(canvas[y, x, k])
+                    canvas[y, x, k] = np.uint8(level + np.float32(0.5))
