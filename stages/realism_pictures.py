@@ -26,7 +26,7 @@ from finloop.realism.crops import (
     CropMeter,
     CropSeries,
     cut_crops,
-    join_pictures,
+    join_crop_series,
     no_crops,
     rows_with_company,
 )  # fmt: skip
@@ -232,7 +232,7 @@ class PictureSample:
             for name, result in zip(owners, results, strict=True):
                 parts[name].append(result)
                 advance(1)
-        return {name: join_pictures(results) for name, results in parts.items()}
+        return {name: join_crop_series(results) for name, results in parts.items()}
 
     def _sides(
         self, name: str, film: CropSeries, drawn: Mapping[str, CropSeries]

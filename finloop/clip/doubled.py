@@ -60,7 +60,7 @@ def find_repeats(changes: Floats) -> RepeatedFrames:
     all_new = np.arange(len(changes)), np.zeros(len(changes), bool)
     if doubled.sum() < _FEW:
         return RepeatedFrames(share, 1.0 if not doubled.any() else float("nan"), *all_new)
-    rate, pictures, repeats = _find_cadence(decidable, doubled)
+    rate, pictures, repeats = _fit_cadence(decidable, doubled)
     if np.mean(repeats[decidable] == doubled[decidable]) < _AGREE:
         return RepeatedFrames(share, float("nan"), *all_new)
     # The cadence may be off by a frame, so where enough moves, what was seen decides.
@@ -107,7 +107,7 @@ def _small_change_limits(changes: Floats) -> tuple[Floats, Floats]:
     return largest, np.where(ratios.max(axis=1) >= _GAP, below_gap, -np.inf)
 
 
-def _find_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
+def _fit_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
     """Fit the regular rhythm of doubled frames that a conversion of the frame rate leaves.
 
     It always finds one; the caller checks whether it fits. Return the number of new pictures per

@@ -130,7 +130,7 @@ def sprites_of_sequence(
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
-        gallery.turn_picture(
+        gallery.picture_to_draw(
             SPRITE, int(sprite), orientation=1, rotation_deg=0.0, scale=float(scale)
         )
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)

@@ -160,7 +160,7 @@ def _find_simple_path(first: Points, second: Points, layout: ContourLayout, pinn
     for start in [0] if keeps_start else _candidate_starts(a[:, outer], b[:, outer]):
         rolled = b.copy()
         rolled[:, outer] = np.roll(b[:, outer], -start, axis=1)
-        shorter = _find_shortest_path(a, rolled, layout, limit=length)
+        shorter = _find_short_path(a, rolled, layout, limit=length)
         if shorter is not None:
             length, path = shorter
     if path is not None:
@@ -192,7 +192,7 @@ def _candidate_starts(a: Points, b: Points) -> list[int]:
     return different
 
 
-def _find_shortest_path(
+def _find_short_path(
     a: Points, b: Points, layout: ContourLayout, limit: float
 ) -> tuple[float, Points] | None:
     """Return length and poses (m, n, 2) of a nearly shortest path a → a_i → b_j → b without folds.

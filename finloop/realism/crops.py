@@ -244,7 +244,7 @@ class CropCollector:
         return CropSeries(self._channels, rows[order], crops[order])
 
 
-def join_pictures(parts: Sequence[CropSeries]) -> CropSeries:
+def join_crop_series(parts: Sequence[CropSeries]) -> CropSeries:
     """Join the picture measurements of several animations to one, in their order.
 
     `crop_rows` are renumbered to the joined ticks.

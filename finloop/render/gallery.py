@@ -80,7 +80,7 @@ class Gallery:
         """Return the picture of a row of the film; mirrored: left and right exchanged."""
         return self.picture(FRAME, row, 1, mirrored)
 
-    def turn_picture(
+    def picture_to_draw(
         self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
         mirrored: bool = False,
     ) -> TurnedPicture:  # fmt: skip
@@ -105,7 +105,7 @@ class Gallery:
         pictures = [row_picture(row), row_partner(row)] if has_partner else [row_picture(row)]
         drawn: list[TurnedPicture] | list[BentPicture]
         if row.pose is None:
-            drawn = [self.turn_picture(*picture) for picture in pictures]
+            drawn = [self.picture_to_draw(*picture) for picture in pictures]
         else:
             drawn = self._pictures_to_bend(pictures, row.pose)
         partner = drawn[1] if has_partner else None
