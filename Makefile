@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro pull play blind stimulus runs sweep lint params-check bench docs pictures clean
+TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro verify pull play blind stimulus runs sweep lint params-check bench docs pictures clean
 .PHONY: $(TARGETS)
 
 # A second film beside FILM, or half of a path with a space, is a target to make: it would be left out in silence.
@@ -108,6 +108,9 @@ params: setup ## compose conf/ into params.yaml, after editing conf/
 repro: setup ## run what has changed, a film or its tracks, too
 	@python -m stages.stamps
 	@dvc repro
+
+verify: setup ## compare all results with their checksums, after a power cut
+	@python -m stages.verify
 
 pull: setup ## take over the results that a colleague has pushed, after git pull; then no stage runs again
 	@python -m stages.pull $(S)

@@ -96,7 +96,7 @@ def load_comparable_numbers(folder: Path) -> dict[str, float]:
     return numbers
 
 
-def _copy_workspace(folder: Path, cache: Path) -> None:
+def copy_workspace(folder: Path, cache: Path) -> None:
     """Copy the files that git tracks or would add, without results, into a new repository.
 
     folder: of the copy. cache: the folder of the copy's DVC cache.
@@ -132,7 +132,7 @@ def run_on_tiny_film(overrides: list[str]) -> dict[str, float]:
     ):
         first, second = Path(folder) / "first", Path(folder) / "second"
         for copy in (first, second):
-            _copy_workspace(copy, Path(folder) / "cache")
+            copy_workspace(copy, Path(folder) / "cache")
             servers.enter_context(open_stage_server(copy))
         with chdir(first):
             write_params(["~local", *overrides])

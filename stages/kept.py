@@ -8,13 +8,16 @@ all that the result is made from. DVC keeps that folder; temporary experiments s
 import json
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
+from finloop.io.checksums import seal, unseal
 from stages.origins import path_digest
 from stages.reuse import key_digest
 
@@ -33,40 +36,31 @@ class KeptResults:
     made_from: str
     own: Mapping[str, Any]
 
-    def load(self, name: str, kind: str, read: Callable[[Path], Any]) -> Any:
-        """Return a kept result, read by `read`; None if there is none or it cannot be read.
+    def load(self, name: str, unpack: Callable[[bytes], Any]) -> Any:
+        """Return a kept result; None if there is none, or its checksum is wrong.
 
-        kind: the ending of its file, "parquet" or "json".
+        unpack: turns the packed result into what it was.
         """
-        if self.folder is None:
+        if self.folder is None or (content := unseal(path := self._path(name))) is None:
             return None
-        path = self._path(name, kind)
-        try:
-            result = read(path)
+        with suppress(OSError):
             os.utime(path)  # `save` removes those that were not used for long
-        except (OSError, ValueError, KeyError):
-            return None
-        return result
+        return unpack(content)
 
-    def save(self, name: str, kind: str, write: Callable[[Path], Any]) -> None:
-        """Keep a result: write it with `write`, and remove all but the MOST recently used files.
-
-        kind: the ending of the file, "parquet" or "json".
-        """
+    def save(self, name: str, packed: bytes) -> None:
+        """Keep a packed result, and remove all but the MOST recently used files."""
         if self.folder is None:
             return
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(self._path(name, kind)) as part:
-            write(part)
+        save_bytes(self._path(name), seal(packed))
         oldest_first = sorted(self.folder.iterdir(), key=lambda path: path.stat().st_mtime)
         for path in oldest_first[:-MOST]:
             path.unlink(missing_ok=True)
 
-    def _path(self, name: str, kind: str) -> Path:
+    def _path(self, name: str) -> Path:
         """Return the path of a result's file, named by a digest of all it is made from."""
         assert self.folder is not None
         key = {"all": self.made_from, "name": name, "own": self.own.get(name)}
-        return self.folder / f"{key_digest(key)}.{kind}"
+        return self.folder / key_digest(key)
 
 
 def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptResults:
@@ -84,23 +78,23 @@ def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptRes
     return KeptResults(root / f"data/.{stage}.kept", key_digest(digests), own)
 
 
-def save_frames(path: Path, frames: list[pd.DataFrame]) -> None:
-    """Write data frames of equal columns to one Parquet file, exactly."""
-    pd.concat(frames, keys=range(len(frames))).to_parquet(path)
+def pack_frames(frames: list[pd.DataFrame]) -> bytes:
+    """Return data frames of equal columns as Parquet, exactly."""
+    return pd.concat(frames, keys=range(len(frames))).to_parquet()
 
 
-def load_frames(path: Path, count: int) -> list[pd.DataFrame]:
-    """Read `count` data frames that `save_frames` wrote, in the same order."""
-    table = pd.read_parquet(path)
+def unpack_frames(packed: bytes, count: int) -> list[pd.DataFrame]:
+    """Return `count` data frames that `pack_frames` has packed, in the same order."""
+    table = pd.read_parquet(BytesIO(packed))
     numbers = table.index.get_level_values(0)
     return [table[numbers == number].droplevel(0) for number in range(count)]
 
 
-def save_values(path: Path, values: Any) -> None:
-    """Write plain values (dictionaries, lists, numbers, text) as JSON, with exact numbers."""
-    path.write_text(json.dumps(values), encoding="utf-8")
+def pack_values(values: Any) -> bytes:
+    """Return plain values (dictionaries, lists, numbers, text) as JSON, with exact numbers."""
+    return json.dumps(values).encode()
 
 
-def load_values(path: Path) -> Any:
-    """Read plain values that `save_values` wrote."""
-    return json.loads(path.read_text(encoding="utf-8"))
+def unpack_values(packed: bytes) -> Any:
+    """Return plain values that `pack_values` has packed."""
+    return json.loads(packed)

@@ -1,8 +1,8 @@
-"""Note what a stage's folder was made from, as digests in its file made_from.yaml.
+"""Write checksums into a stage's folder: of what it has written, and of what that was made from.
 
-A stage that reads data/pose reads data/features, too. Without this note, dvc.yaml would list both
-for each such stage, and dvc.lock would hold four lines or five for each of them. With it the folder
-data/pose differs whenever data/features does, so a stage lists the nearest folder alone.
+A stage that reads data/pose reads data/features, too. Without these checksums, dvc.yaml would list
+both for each such stage, and dvc.lock would hold four lines or five for each of them. With them the
+folder data/pose differs whenever data/features does, so a stage lists the nearest folder alone.
 """
 
 import hashlib
@@ -13,10 +13,9 @@ from typing import Any
 import yaml
 
 from finloop.base.program import shipped_folder
-from finloop.io.atomic import save_bytes
+from finloop.io.checksums import file_digest, files_or_record, save_checksums
 
 DECLARED = Path("data/code/declared.yaml")  # what `meta` of dvc.yaml declares, by stage
-NOTE = "made_from.yaml"
 
 
 def read_stages() -> dict[str, Any]:
@@ -37,27 +36,37 @@ def paths_to_note(stage: Mapping[str, Any]) -> list[str]:
 
     They are its other outputs, and those inputs that `passes_on` names in `meta` of dvc.yaml.
     """
-    return [*stage.get("meta", {}).get("passes_on", []), *output_paths(stage)[1:]]
+    return [*_inputs_to_note(stage), *output_paths(stage)[1:]]
+
+
+def _inputs_to_note(stage: Mapping[str, Any]) -> list[str]:
+    """Return the inputs that `passes_on` names in `meta` of a stage of dvc.yaml."""
+    return [*stage.get("meta", {}).get("passes_on", [])]
 
 
 def note_origins(name: str) -> None:
-    """Write made_from.yaml, digests of `paths_to_note`, into the first folder that a stage wrote.
+    """Write checksums.yaml into the folders that a stage wrote, as `finloop.io.checksums` says.
 
-    name: of the stage in dvc.yaml. Nothing is written for another name, or without such paths.
+    name: of the stage in dvc.yaml. The record in its first folder has its other outputs, too, and
+    what `passes_on` names. Nothing is written for another name, or if the first is no folder.
     """
     stage = read_stages().get(name, {})
-    folder = Path(next(iter(output_paths(stage)), ""))
-    if folder.is_dir() and (paths := paths_to_note(stage)):
-        digests = {path: path_digest(Path(path)) for path in paths}
-        save_bytes(folder / NOTE, yaml.safe_dump(digests).encode())
+    first, *others = map(Path, output_paths(stage) or [""])
+    if stage and first.is_dir():
+        for folder in others:
+            if folder.is_dir():
+                save_checksums(folder)
+        written = [part for path in others for part in (path, *path.rglob("*"))]
+        save_checksums(first, written, map(Path, _inputs_to_note(stage)))
 
 
 def path_digest(path: Path) -> str:
-    """Return a digest of a file, or of the names and contents of all files in a folder."""
+    """Return a digest of a file, or of the names and contents of all files in a folder.
+
+    The checksums in a folder, which are compared when its files are read, stand for these.
+    """
     digest = hashlib.sha256()
-    for part in sorted(path.rglob("*")) if path.is_dir() else [path]:
+    for part in sorted(files_or_record(path)):
         if part.is_file():
-            with part.open("rb") as file:
-                content = hashlib.file_digest(file, "sha256").hexdigest()
-            digest.update(f"{part.relative_to(path).as_posix()} {content}\n".encode())
+            digest.update(f"{part.relative_to(path).as_posix()} {file_digest(part)}\n".encode())
     return digest.hexdigest()

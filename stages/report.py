@@ -20,6 +20,7 @@ from finloop.io.findings import load_faults
 from finloop.io.movie import load_film_below_size
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
+from finloop.io.table import load_csv
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 from finloop.report.figures import CHAPTERS, Chapter, Figure
 from finloop.report.page import WebP, data_uri, encode_webp, render_template
@@ -96,7 +97,7 @@ def _load_chapters(
         coded = ordered_map(partial(_load_webp, p=p), paths, Threads(THREADS))
         pictures = list(zip(figures, coded, strict=True))
         tables = [
-            table_of_data_frame(pd.read_csv(path), caption)
+            table_of_data_frame(load_csv(Path(path)), caption)
             for path, caption in TABLES.get(chapter.id, ())
             if Path(path).is_file()
         ]
@@ -132,11 +133,11 @@ def _list_doubts() -> pd.DataFrame:
     """
     faults = load_faults([FEATURES, CLIP, EXTRACT])  # heads that may be tails come first
     if (path := FAULTS / "pictures.csv").is_file():
-        pictures = pd.read_csv(path, dtype=str, keep_default_na=False)
+        pictures = load_csv(path, as_text=True)
         faults = faults.merge(pictures, "left", ["film", "what"])
     faults["about"] = faults["film"].replace("", "The film")
     faults["doubt"] = faults["measured"] + " " + faults["what to do"]
-    tables = [faults, pd.read_csv(BESIDE / "doubts.csv").rename(columns={"mode": "about"})]
+    tables = [faults, load_csv(BESIDE / "doubts.csv").rename(columns={"mode": "about"})]
     doubts = pd.concat(tables, ignore_index=True)
     return doubts.reindex(columns=["about", "doubt", "picture", "caption"])
 
@@ -215,9 +216,9 @@ def main() -> None:
             row: {"picture": _load_webp(FAULTS / fault["picture"], p), "caption": fault["caption"]}
             for row, fault in doubts.dropna().iterrows()
         },
-        "measures": measures_table(pd.read_csv(BESIDE / "measures.csv")),
+        "measures": measures_table(load_csv(BESIDE / "measures.csv")),
         "sections": chapters,
-        "table_2": table_of_data_frame(pd.read_csv(TIMES), TIMES_TITLE, 3),
+        "table_2": table_of_data_frame(load_csv(TIMES), TIMES_TITLE, 3),
         "tank": f"../{TANK.as_posix()}" if TANK.is_file() else "",
         "parameters": _list_parameters(values, changes),
         "commands": [

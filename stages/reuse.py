@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from finloop.io.atomic import whole_folder
+from finloop.io.checksums import RECORD_NAME, find_damage, report_remake, save_checksums
 from finloop.io.record import save_json
 from stages.code import file_list_text
 
@@ -26,13 +27,17 @@ def reuse_or_make(kept: Path, folder: Path, make: Callable[[Path], Numbers]) -> 
 
     kept: folder of the film's files, named by the `key_digest` of what they are made from. make:
     writes the files into a folder and returns numbers; those that are finite are then kept, with
-    the files. After an error in `make` there is no folder.
+    the files and their checksums. Damaged ones are made again. After an error in `make` there is no
+    folder.
     """
-    numbers = _read_json(kept / NUMBERS_NAME)
-    if isinstance(numbers, dict):
-        _link_folder(kept, folder)
-        (folder / NUMBERS_NAME).unlink()
-        return numbers
+    if (kept / RECORD_NAME).is_file():
+        if not find_damage(kept):
+            _link_folder(kept, folder)
+            (folder / RECORD_NAME).unlink()
+            (folder / NUMBERS_NAME).unlink()
+            kept_numbers: dict[str, float] = json.loads((kept / NUMBERS_NAME).read_bytes())
+            return kept_numbers
+        report_remake(kept)
     folder.mkdir(parents=True)
     try:
         numbers = {name: value for name, value in make(folder).items() if math.isfinite(value)}
@@ -43,15 +48,8 @@ def reuse_or_make(kept: Path, folder: Path, make: Callable[[Path], Numbers]) -> 
     with whole_folder(kept) as new:
         _link_folder(folder, new)
         save_json(new / NUMBERS_NAME, numbers)
+        save_checksums(new)
     return numbers
-
-
-def _read_json(path: Path) -> Any:
-    """Return the content of a JSON file; None if it cannot be read."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
 
 
 def _link_folder(source: Path, target: Path) -> None:

@@ -134,11 +134,14 @@ def test_what_a_folder_was_made_from_is_noted_in_it(tmp_path, monkeypatch):
         for path in ("data/features/a.txt", "data/pose/b.txt", "reports/pose/metrics.json"):
             Path(path).parent.mkdir(parents=True, exist_ok=True)
             Path(path).write_text(str(number * path.startswith("data/features")))
+        note_origins("features")
         note_origins("pose")
-        notes.append(Path("data/pose/made_from.yaml").read_text())
+        notes.append(Path("data/pose/checksums.yaml").read_text())
     first, second = map(yaml.safe_load, notes)
-    assert {name for name in first if first[name] != second[name]} == {"data/features"}
-    assert {"data/features", "reports/pose/metrics.json"} == {*first}
+    assert first["files"] == second["files"]
+    assert {*first["files"]} == {"b.txt", "../../reports/pose/metrics.json"}
+    assert {*first["made_from"]} == {"../features/checksums.yaml"}
+    assert first["made_from"] != second["made_from"]
     note_origins("no stage")  # a program beside the pipeline notes nothing
 
 

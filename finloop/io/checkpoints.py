@@ -1,7 +1,7 @@
 """Stored results of the steps of a long run, from which an interrupted run continues.
 
 A result is a file. Its folder's name is a digest of the film, the parameters and the code. Results
-are removed when the run has succeeded; a damaged one is computed again.
+are removed when the run has succeeded; one whose checksum is wrong is computed again.
 """
 
 import pickle
@@ -15,6 +15,7 @@ from typing import TypeVar
 import pyarrow as pa
 
 from finloop.io.atomic import save_bytes
+from finloop.io.checksums import seal, unseal
 
 T = TypeVar("T")
 _CODEC = pa.Codec("zstd", compression_level=1)
@@ -36,12 +37,10 @@ class Checkpoints:
         name: also that of the file. make: computes the result. FinloopError if the disk is full.
         """
         path = self.folder / name
-        try:
-            content = path.read_bytes()  # the unpacked size, then the compressed pickle
+        if (content := unseal(path)) is not None:  # the unpacked size, then the compressed pickle
             plain = _CODEC.decompress(content[_SIZE:], int.from_bytes(content[:_SIZE]))
             return pickle.loads(plain)
-        except (OSError, EOFError, ValueError, pickle.UnpicklingError):
-            result = make()
+        result = make()
         save_bytes(path, pack_result(result))
         return result
 
@@ -57,9 +56,9 @@ class Checkpoints:
 
 
 def pack_result(result: object) -> bytes:
-    """Pack a result for its file: the size of its pickle (8 bytes), then the compressed pickle."""
+    """Pack a result for its file: checksum, size of its pickle (8 bytes), the compressed pickle."""
     plain = pickle.dumps(result, pickle.HIGHEST_PROTOCOL)
-    return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
+    return seal(len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True))
 
 
 def remove_folders_except(folder: Path, names: Iterable[str]) -> None:

@@ -24,6 +24,7 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Schema
 from finloop.io.atomic import whole_file
+from finloop.io.checksums import check_file
 from finloop.io.record import remake_hint
 from finloop.io.table import arrow_schema, arrow_table, parquet_coding
 
@@ -165,7 +166,7 @@ def open_cutouts(path: Path) -> Iterator[CutoutStore]:
     """
     with ExitStack() as stack:
         try:
-            source = stack.enter_context(pa.memory_map(str(path)))
+            source = stack.enter_context(pa.memory_map(str(check_file(path))))
             table = pa.ipc.open_file(source).read_all()
         except (OSError, pa.ArrowException) as error:
             came = f"{path} cannot be read as a cut-out store ({error})"

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.base.finding import FINDINGS_NAME, GOOD
+from finloop.io.table import load_csv
 
 
 def load_faults(folders: Iterable[Path]) -> pd.DataFrame:
@@ -17,7 +18,7 @@ def load_faults(folders: Iterable[Path]) -> pd.DataFrame:
     paths = [folder / FINDINGS_NAME for folder in folders]
     columns = ["film", "what", "verdict", "measured", "what to do"]
     tables = [pd.DataFrame(columns=columns, dtype=str)] + [
-        pd.read_csv(path, dtype=str, keep_default_na=False).reindex(columns=columns, fill_value="")
+        load_csv(path, as_text=True).reindex(columns=columns, fill_value="")
         for path in paths
         if path.is_file()
     ]

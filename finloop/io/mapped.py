@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
+from finloop.io.checksums import check_file
 
 
 def save_array(path: Path, array: NDArray[Any]) -> None:
@@ -49,7 +50,7 @@ def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[
     again = "run the stage that makes it again: `dvc repro`"
     wanted = f"an array of {kind} of shape {shape}, None for any length"
     try:
-        array = np.load(path, mmap_mode="c", allow_pickle=False)
+        array = np.load(check_file(path), mmap_mode="c", allow_pickle=False)
     except (EOFError, OSError, ValueError) as error:
         raise FinloopError(f"{path} cannot be read as an array ({error})", wanted, again) from error
     fits = len(shape) == array.ndim and all(

@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from finloop.io.atomic import save_bytes
+from finloop.io.checksums import check_file
 
 NUMBERS_NAME = "metrics.json"
 
@@ -30,7 +31,7 @@ def save_numbers(
 def load_numbers(folder: Path) -> dict[str, float]:
     """Return a stage's numbers by name from `folder`/metrics.json; empty if there is no file."""
     path = folder / NUMBERS_NAME
-    return parse_numbers(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return parse_numbers(check_file(path).read_text("utf-8")) if path.is_file() else {}
 
 
 def parse_numbers(text: str) -> dict[str, float]:

@@ -9,6 +9,7 @@ import numpy as np
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes, whole_file
+from finloop.io.checksums import check_file
 
 if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
     from matplotlib.figure import Figure
@@ -28,7 +29,7 @@ def save_picture(path: Path, picture: Picture) -> None:
 def load_picture(path: Path) -> Picture:
     """Read a picture as (h, w) grey or (h, w, 3) RGB uint8; FinloopError if it cannot be read."""
     try:
-        coded = np.frombuffer(path.read_bytes(), np.uint8)
+        coded = np.frombuffer(check_file(path).read_bytes(), np.uint8)
         picture = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
         if picture is None:
             raise ValueError("no picture")  # caught below

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes
+from finloop.io.checksums import check_file
 
 T = TypeVar("T")
 MOST_BYTES = 100_000_000
@@ -34,7 +35,7 @@ def load_json(
     try:
         if path.stat().st_size > most_bytes:
             raise ValueError(f"larger than {most_bytes} bytes")
-        return build(json.loads(path.read_text(encoding="utf-8")))
+        return build(json.loads(check_file(path).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise FinloopError(f"{path} cannot be read ({error!s:.500})", wanted, do) from error
 

@@ -22,6 +22,7 @@ from av.video.stream import VideoStream
 
 from finloop.base.errors import FinloopError, UndecodableError
 from finloop.base.schema import Schema, columns
+from finloop.io.checksums import check_file
 from finloop.io.picture import save_picture
 from finloop.io.record import load_json, save_json
 
@@ -100,7 +101,7 @@ def _open_clip(path: Path, threads: int) -> Iterator[tuple[InputContainer, Video
     the clip cannot be read.
     """
     try:
-        with av.open(str(path)) as container:
+        with av.open(str(check_file(path))) as container:
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
             stream.codec_context.thread_count = threads
@@ -232,7 +233,7 @@ def load_mask(path: Path, width: int, height: int) -> np.ndarray:
     if not path.is_file():
         raise FinloopError(f"there is no mask picture at {path}", wanted, do)
     # From bytes, because cv2.imread prints a warning of its own where it fails.
-    data = np.frombuffer(path.read_bytes(), np.uint8)
+    data = np.frombuffer(check_file(path).read_bytes(), np.uint8)
     mask = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
     if mask is None:
         raise FinloopError(f"{path} cannot be read as a picture", wanted, do)

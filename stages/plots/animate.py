@@ -2,13 +2,11 @@
 
 from pathlib import Path
 
-import pandas as pd
-
 from finloop.animate.measures import KINEMATICS
 from finloop.io.atomic import whole_folder
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_figure
-from finloop.io.table import load_table
+from finloop.io.table import load_csv, load_table
 from finloop.plan.path_measures import PATH_ROWS
 from finloop.plots.animate import draw_kinematics
 from finloop.plots.path import draw_path
@@ -29,7 +27,7 @@ def main() -> None:
     save_figure(REPORT / "kinematics.png", draw_kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
         if PATH.exists():
-            paths, departures = load_table(PATH, PATH_ROWS), pd.read_csv(DEPARTURES)
+            paths, departures = load_table(PATH, PATH_ROWS), load_csv(DEPARTURES)
             background = Project().background
             for fish, path in paths.groupby("fish"):
                 name = "path.png" if fish == paths["fish"].min() else f"path-{fish + 1}.png"

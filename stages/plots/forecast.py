@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-import pandas as pd
 from matplotlib.figure import Figure
 
 from finloop.forecast.assess import FREE, HELD_OUT
 from finloop.io.picture import save_figure
-from finloop.io.table import load_table
+from finloop.io.table import load_csv, load_table
 from finloop.plots.forecast import draw_free_swimming, draw_learning
 from finloop.project import Project
 
@@ -24,7 +23,7 @@ def main() -> None:
         for name in ("learning", "free"):
             save_figure(REPORT / f"{name}.png", Figure(figsize=(2, 1)))
         return
-    folder, curve = project.data / "forecast", pd.read_csv("reports/forecast/curve.csv")
+    folder, curve = project.data / "forecast", load_csv(Path("reports/forecast/curve.csv"))
     held_out = load_table(folder / "held_out.parquet", HELD_OUT)
     free = draw_free_swimming(project.forecast_states, load_table(folder / "free.parquet", FREE))
     save_figure(REPORT / "learning.png", draw_learning(curve, held_out))

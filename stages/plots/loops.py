@@ -6,6 +6,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from finloop.features.table import infer_delta_frames
+from finloop.io.checksums import check_file
 from finloop.io.picture import save_figure
 from finloop.loops.graph import build_loop_graph
 from finloop.loops.positions import choose_table_ends, position_table
@@ -29,7 +30,7 @@ def main() -> None:
     p: LoopsSettings = load_settings("loops")
     with Project() as project:
         if project.loops.empty:
-            why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
+            why = check_file(project.data / "loops/none.txt").read_text(encoding="utf-8")
             figures = iter([(name, draw_message(why)) for name in NAMES])
         else:
             figures = _draw_loops(project, p)

@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from finloop.io.mapped import open_array
 from finloop.io.picture import save_figure
 from finloop.io.record import load_json, remake_hint
-from finloop.io.table import load_table
+from finloop.io.table import load_csv, load_table
 from finloop.plots.realism import draw_false_windows, draw_looks, draw_obvious_crops, draw_roc
 from finloop.project import Project
 from finloop.realism.crops import SIZE
@@ -23,7 +22,7 @@ def _draw_pictures() -> None:
     """Draw where the network looks, looks.png, and the most obviously false crops, pictures.png."""
     names: list[str] = load_json(OUT / "looks.json", list, *remake_hint("realism"))
     looks = open_array(OUT / "looks.npy", (None,) * (4 if names else 1), "float32")
-    shown = pd.read_csv(OUT / "pictures.csv")
+    shown = load_csv(OUT / "pictures.csv")
     crops = np.asarray(open_array(OUT / "crops.npy", (None, 2, None, SIZE, SIZE), "uint8"))
     first = shown.drop_duplicates("compared").set_index("compared")["example"]
     under = {str(name): crops[number, 0, 0] for name, number in first.items()}
@@ -37,7 +36,7 @@ def main() -> None:
 
     A window is a short stretch of swimming.
     """
-    auc, roc = (pd.read_csv(OUT / name) for name in ("auc.csv", "roc.csv"))
+    auc, roc = (load_csv(OUT / name) for name in ("auc.csv", "roc.csv"))
     for by, name in (("motion", "auc.png"), ("picture", "picture_auc.png")):
         save_figure(REPORT / name, draw_roc(auc[auc["by"] == by], roc[roc["by"] == by]))
     _draw_pictures()

@@ -1,0 +1,260 @@
+"""Kill a tiny pipeline at random moments, and flip random bits of what it has made.
+
+A kill: a stage runs again, and DVC, the stage, one of its workers or all of them get KILL, TERM or
+INT. It is right if all processes end, and the next `dvc repro` makes the same bytes and leaves no
+other file. A flip: one bit of one result changes, and its time does not. It is right if the next
+reader notices; after some, `dvc repro` must make the same bytes again.
+
+    python -m benchmarks.faults --kills 200 --flips 500 --seed 0
+
+The workspace is a copy in `--folder`, which a later call goes on with. Each call adds its counts to
+benchmarks/faults.csv; with another seed it makes other faults. Remove the file to begin anew.
+"""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+import argparse
+import contextlib
+import hashlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import chdir, redirect_stderr
+from io import StringIO
+from pathlib import Path
+from tempfile import gettempdir
+
+import pandas as pd
+import psutil
+
+from benchmarks.pipeline import with_dependencies
+from finloop.io.checksums import (
+    RECORD_NAME,
+    DamagedFileError,
+    check_file,
+    recorded_digests,
+    unseal,
+)
+from stages.compose import write_params
+from stages.fixture import FILM, copy_workspace, read_tiny_film
+from stages.repository import DVC
+from stages.verify import PLACES
+
+TABLE = Path(__file__).with_suffix(".csv")
+COLUMNS = ["fault", "of", "by", "tried", "right"]
+TARGETS = ("dvc", "stage", "worker", "group")
+SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+LAST_STAGES = ("render", "realism", "export", "plots-modes")
+"""These and all before them run: every kind of file, and stages with and without workers."""
+END_S, LONGEST_S = 20.0, 300.0  # in which processes end after a kill; and a run by itself
+MENDED_EVERY = 25  # flips from one after which DVC runs to the next
+
+
+# --- the tiny pipeline
+
+
+def prepare_run(folder: Path) -> None:
+    """Make a copy of the repository in `folder`, and run its pipeline on the tiny drawn film."""
+    copy_workspace(folder, folder / ".dvc/cache")
+    with chdir(folder):
+        write_params(["~local", *read_tiny_film(FILM)])
+    if failure := repro(folder, *LAST_STAGES):
+        raise SystemExit(f"the pipeline fails on the tiny film:\n{failure}")
+
+
+def repro(folder: Path, *arguments: str) -> str:
+    """Run `dvc repro` in a folder; return what it prints if it fails, else ""."""
+    done = subprocess.run(
+        [*DVC, "repro", "--no-run-cache", *arguments], cwd=folder, text=True, check=False,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    return done.stdout if done.returncode else ""
+
+
+def digest_results(folder: Path) -> dict[str, str]:
+    """Return the digest of each file of a run, hidden ones and dvc.lock too, by its path."""
+    places = [folder / "dvc.lock", *(folder / place for place in PLACES)]
+    files = [part for place in places for part in (place, *place.rglob("*")) if part.is_file()]
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in files
+    }
+
+
+# --- kills
+
+
+def time_stages(folder: Path, stages: list[str]) -> dict[str, float]:
+    """Return how long each stage takes with DVC around it [s]."""
+    seconds = {}
+    for stage in stages:
+        begin = time.monotonic()
+        if failure := repro(folder, "--force", "--single-item", stage):
+            raise SystemExit(f"{stage} fails:\n{failure}")
+        seconds[stage] = time.monotonic() - begin
+    return seconds
+
+
+def kill_run(folder: Path, stage: str, target: str, number: signal.Signals, delay_s: float) -> bool:
+    """Run a stage again and send a signal to a target after a delay; return whether it was there.
+
+    SystemExit if a process of the run is still there `END_S` after DVC has ended.
+    """
+    with subprocess.Popen(
+        [*DVC, "repro", "--force", "--single-item", stage], cwd=folder, start_new_session=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    ) as dvc:  # fmt: skip
+        time.sleep(delay_s)
+        was_there = _send_signal(dvc, target, number)
+        try:
+            dvc.wait(LONGEST_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(dvc.pid, signal.SIGKILL)
+            raise SystemExit(f"{stage} goes on after {number.name} to {target}") from None
+    return was_there
+
+
+def _send_signal(dvc: subprocess.Popen[bytes], target: str, number: signal.Signals) -> bool:
+    """Send a signal to DVC, its stage, a worker of the stage, or all; return whether it was there.
+
+    Where a worker is wanted and comes later, it is waited for.
+    """
+    with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError):
+        parent, end = psutil.Process(dvc.pid), time.monotonic() + LONGEST_S
+        while dvc.poll() is None and time.monotonic() < end:
+            stages = [child for child in parent.children() if "-m" in child.cmdline()]
+            workers = [worker for child in stages for worker in child.children(recursive=True)]
+            found = {"dvc": [parent], "stage": stages, "worker": workers, "group": [parent]}
+            if target == "group":
+                os.killpg(dvc.pid, number)
+                return True
+            if found[target]:
+                found[target][-1].send_signal(number)
+                return True
+            time.sleep(0.02)
+    return False
+
+
+def list_orphans(folder: Path) -> list[str]:
+    """Return the commands that still run in a folder after `END_S`."""
+    end = time.monotonic() + END_S
+    while True:
+        orphans = [
+            " ".join(process.info["cmdline"] or [])
+            for process in psutil.process_iter(["cwd", "cmdline", "status"])
+            if process.info["cwd"] == str(folder) and process.info["status"] != "zombie"
+            and process.pid != os.getpid()
+        ]  # fmt: skip
+        if not orphans or time.monotonic() > end:
+            return orphans
+        time.sleep(0.1)
+
+
+def try_kills(folder: Path, count: int, rng: random.Random) -> Iterator[tuple[str, str, bool]]:
+    """Yield the target and the signal of each kill, and whether it was right.
+
+    What was wrong is printed, and the run is put back in order.
+    """
+    stages = [name for name in with_dependencies(LAST_STAGES) if name not in ("code", "params")]
+    seconds, before = time_stages(folder, stages), digest_results(folder)
+    while count:
+        stage, target = rng.choice(stages), rng.choice(TARGETS)
+        number, delay_s = rng.choice(SIGNALS), rng.uniform(0.0, seconds[stage])
+        if not kill_run(folder, stage, target, number, delay_s):
+            continue  # it had ended, or has no workers
+        count -= 1
+        what = f"{number.name} to {target} of {stage} after {delay_s:.1f} s"
+        faults = [f"still runs: {command}" for command in list_orphans(folder)]
+        if failure := repro(folder):
+            faults.append(failure)
+        after = digest_results(folder)
+        names = before.keys() | after.keys()
+        faults += [name for name in sorted(names) if before.get(name) != after.get(name)]
+        print(f"{what}: {faults or 'right'}", flush=True)
+        yield target, number.name.removeprefix("SIG"), not faults
+        if faults:
+            repro(folder, "--force")
+            before = digest_results(folder)
+
+
+# --- flips
+
+
+def list_artefacts(folder: Path) -> list[Path]:
+    """Return the files of a run that have a checksum, records and kept results among them."""
+    records = [path for place in PLACES for path in (folder / place).rglob(RECORD_NAME)]
+    named = {path for record in records for path in recorded_digests(record.parent)}
+    return sorted(named.union(records)) + sorted((folder / "data").glob(".*.kept/*"))
+
+
+def is_noticed(path: Path) -> bool:
+    """Return whether the reader of a file finds that it is damaged."""
+    if path.parent.suffix == ".kept":
+        with redirect_stderr(StringIO()):
+            return unseal(path) is None
+    try:
+        check_file(path if path.name != RECORD_NAME else path.with_name("any"))
+    except DamagedFileError:
+        return True
+    return False
+
+
+def try_flips(folder: Path, count: int, rng: random.Random) -> Iterator[tuple[str, str, bool]]:
+    """Yield the kind of file and who noticed, for each flipped bit, and whether it was right."""
+    artefacts, before = list_artefacts(folder), digest_results(folder)
+    for number in range(count):
+        path = rng.choice(artefacts)
+        content, status = path.read_bytes(), path.stat()
+        place, bit = rng.randrange(len(content)), rng.randrange(8)
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << bit
+        path.write_bytes(damaged)
+        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))  # as a disk does it
+        right = is_noticed(path)
+        if not right:
+            print(f"bit {bit} of byte {place} of {path}: not noticed", flush=True)
+        yield path.suffix or "kept", "reader", right
+        if number % MENDED_EVERY == 0 and path.parent.suffix != ".kept":
+            failure = repro(folder)
+            right = not failure and digest_results(folder) == before
+            print(f"{path}: {'made again' if right else f'not made again {failure}'}", flush=True)
+            yield path.suffix, "dvc repro", right
+        path.write_bytes(content)
+        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+# --- the table
+
+
+def add_counts(fault: str, outcomes: Iterator[tuple[str, str, bool]]) -> None:
+    """Add outcomes (of what, by what, whether right) of faults to the table, one by one."""
+    for of, by, right in outcomes:
+        table = pd.read_csv(TABLE) if TABLE.is_file() else pd.DataFrame(columns=COLUMNS)
+        row = pd.DataFrame([[fault, of, by, 1, int(right)]], columns=COLUMNS)
+        counts = pd.concat([table, row] if len(table) else [row]).groupby(COLUMNS[:3])
+        counts[COLUMNS[3:]].sum().reset_index().to_csv(TABLE, index=False)
+
+
+def main() -> None:
+    """Make the faults that the command line counts, and add what came of them to faults.csv."""
+    parser = argparse.ArgumentParser(prog="benchmarks.faults", description=__doc__)
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--flips", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folder", type=Path, default=Path(gettempdir()) / "finloop-faults")
+    asked = parser.parse_args()
+    folder, rng = asked.folder.resolve(), random.Random(asked.seed)
+    if not (folder / "dvc.lock").is_file():
+        shutil.rmtree(folder, ignore_errors=True)
+        prepare_run(folder)
+    add_counts("flip", try_flips(folder, asked.flips, rng))
+    add_counts("kill", try_kills(folder, asked.kills, rng))
+    print(pd.read_csv(TABLE).to_string(index=False))
+
+
+if __name__ == "__main__":
+    run(main)
