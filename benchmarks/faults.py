@@ -11,10 +11,9 @@ The workspace is a copy in `--folder`, which a later call goes on with. Each cal
 benchmarks/faults.csv; with another seed it makes other faults. Remove the file to begin anew.
 """
 
-from stages.run import run  # isort: skip  (before numpy)
+from stages.run import STAGE_SOCKET, run  # isort: skip  (before numpy)
 
 import argparse
-import contextlib
 import hashlib
 import os
 import random
@@ -22,8 +21,8 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import chdir, redirect_stderr
+from collections.abc import Collection, Iterator
+from contextlib import chdir, contextmanager, redirect_stderr, suppress
 from io import StringIO
 from pathlib import Path
 from tempfile import gettempdir
@@ -31,7 +30,7 @@ from tempfile import gettempdir
 import pandas as pd
 import psutil
 
-from benchmarks.pipeline import with_dependencies
+from benchmarks.pipeline import ROOT, with_dependencies
 from finloop.io.checksums import (
     RECORD_NAME,
     DamagedFileError,
@@ -39,8 +38,10 @@ from finloop.io.checksums import (
     recorded_digests,
     unseal,
 )
+from stages.code import stage_module
 from stages.compose import write_params
 from stages.fixture import FILM, copy_workspace, read_tiny_film
+from stages.forks import open_stage_server
 from stages.repository import DVC
 from stages.verify import PLACES
 
@@ -48,9 +49,10 @@ TABLE = Path(__file__).with_suffix(".csv")
 COLUMNS = ["fault", "of", "by", "tried", "right"]
 TARGETS = ("dvc", "stage", "worker", "group")
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-LAST_STAGES = ("render", "realism", "export", "plots-modes")
-"""These and all before them run: every kind of file, and stages with and without workers."""
-END_S, LONGEST_S = 20.0, 300.0  # in which processes end after a kill; and a run by itself
+LAST_STAGES = ("export", "jumps")
+"""These and all before them run: twelve stages with and without workers, every kind of file."""
+END_S, LONGEST_S = 30.0, 600.0  # in which processes end after a kill; and a run by itself
+FIRST_GUESS_S = 10.0  # of how long a stage takes with DVC around it
 MENDED_EVERY = 25  # flips from one after which DVC runs to the next
 
 
@@ -62,14 +64,14 @@ def prepare_run(folder: Path) -> None:
     copy_workspace(folder, folder / ".dvc/cache")
     with chdir(folder):
         write_params(["~local", *read_tiny_film(FILM)])
-    if failure := repro(folder, *LAST_STAGES):
+    if failure := repro(folder):
         raise SystemExit(f"the pipeline fails on the tiny film:\n{failure}")
 
 
 def repro(folder: Path, *arguments: str) -> str:
     """Run `dvc repro` in a folder; return what it prints if it fails, else ""."""
     done = subprocess.run(
-        [*DVC, "repro", "--no-run-cache", *arguments], cwd=folder, text=True, check=False,
+        [*DVC, "repro", "--no-run-cache", *arguments, *LAST_STAGES], cwd=folder, text=True, check=False,
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
     return done.stdout if done.returncode else ""
@@ -88,27 +90,28 @@ def digest_results(folder: Path) -> dict[str, str]:
 # --- kills
 
 
-def time_stages(folder: Path, stages: list[str]) -> dict[str, float]:
-    """Return how long each stage takes with DVC around it [s]."""
-    seconds = {}
-    for stage in stages:
-        begin = time.monotonic()
-        if failure := repro(folder, "--force", "--single-item", stage):
-            raise SystemExit(f"{stage} fails:\n{failure}")
-        seconds[stage] = time.monotonic() - begin
-    return seconds
+@contextmanager
+def without_server(folder: Path) -> Iterator[None]:
+    """Let commands start as in a terminal, by no server that has imported them."""
+    socket, aside = folder / STAGE_SOCKET, folder / ".dvc/tmp/aside"
+    socket.rename(aside)
+    try:
+        yield
+    finally:
+        aside.rename(socket)
 
 
 def kill_run(folder: Path, stage: str, target: str, number: signal.Signals, delay_s: float) -> bool:
     """Run a stage again and send a signal to a target after a delay; return whether it was there.
 
-    SystemExit if a process of the run is still there `END_S` after DVC has ended.
+    SystemExit if DVC goes on for ever.
     """
     with subprocess.Popen(
         [*DVC, "repro", "--force", "--single-item", stage], cwd=folder, start_new_session=True,
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     ) as dvc:  # fmt: skip
-        time.sleep(delay_s)
+        with suppress(subprocess.TimeoutExpired):
+            dvc.wait(delay_s)
         was_there = _send_signal(dvc, target, number)
         try:
             dvc.wait(LONGEST_S)
@@ -121,34 +124,40 @@ def kill_run(folder: Path, stage: str, target: str, number: signal.Signals, dela
 def _send_signal(dvc: subprocess.Popen[bytes], target: str, number: signal.Signals) -> bool:
     """Send a signal to DVC, its stage, a worker of the stage, or all; return whether it was there.
 
-    Where a worker is wanted and comes later, it is waited for.
+    If the stage or its workers come later, they are waited for.
     """
-    with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError):
-        parent, end = psutil.Process(dvc.pid), time.monotonic() + LONGEST_S
-        while dvc.poll() is None and time.monotonic() < end:
-            stages = [child for child in parent.children() if "-m" in child.cmdline()]
-            workers = [worker for child in stages for worker in child.children(recursive=True)]
-            found = {"dvc": [parent], "stage": stages, "worker": workers, "group": [parent]}
+    while dvc.poll() is None:
+        with suppress(psutil.NoSuchProcess, ProcessLookupError):
             if target == "group":
                 os.killpg(dvc.pid, number)
                 return True
-            if found[target]:
-                found[target][-1].send_signal(number)
+            parent = psutil.Process(dvc.pid)
+            stages = [child for child in parent.children() if "-m" in child.cmdline()]
+            workers = [worker for child in stages for worker in child.children(recursive=True)]
+            found = {"dvc": [parent], "stage": stages, "worker": workers}[target]
+            if found:
+                found[-1].send_signal(number)
                 return True
-            time.sleep(0.02)
+        time.sleep(0.02)
     return False
 
 
-def list_orphans(folder: Path) -> list[str]:
-    """Return the commands that still run in a folder after `END_S`."""
+def list_processes(folder: Path) -> dict[int, str]:
+    """Return the processes that run in a folder, by number: their commands."""
+    found = {}
+    for process in psutil.process_iter(["cwd", "cmdline", "status"]):
+        facts = process.info
+        if facts["cwd"] == str(folder) and facts["status"] != psutil.STATUS_ZOMBIE:
+            found[process.pid] = " ".join(facts["cmdline"] or [])
+    return found
+
+
+def list_orphans(folder: Path, known: Collection[int]) -> list[str]:
+    """Return the commands that still run in a folder after `END_S`; known: numbers of others."""
     end = time.monotonic() + END_S
     while True:
-        orphans = [
-            " ".join(process.info["cmdline"] or [])
-            for process in psutil.process_iter(["cwd", "cmdline", "status"])
-            if process.info["cwd"] == str(folder) and process.info["status"] != "zombie"
-            and process.pid != os.getpid()
-        ]  # fmt: skip
+        running = list_processes(folder)
+        orphans = [command for number, command in running.items() if number not in known]
         if not orphans or time.monotonic() > end:
             return orphans
         time.sleep(0.1)
@@ -160,25 +169,37 @@ def try_kills(folder: Path, count: int, rng: random.Random) -> Iterator[tuple[st
     What was wrong is printed, and the run is put back in order.
     """
     stages = [name for name in with_dependencies(LAST_STAGES) if name not in ("code", "params")]
-    seconds, before = time_stages(folder, stages), digest_results(folder)
-    while count:
-        stage, target = rng.choice(stages), rng.choice(TARGETS)
-        number, delay_s = rng.choice(SIGNALS), rng.uniform(0.0, seconds[stage])
-        if not kill_run(folder, stage, target, number, delay_s):
-            continue  # it had ended, or has no workers
-        count -= 1
-        what = f"{number.name} to {target} of {stage} after {delay_s:.1f} s"
-        faults = [f"still runs: {command}" for command in list_orphans(folder)]
-        if failure := repro(folder):
-            faults.append(failure)
-        after = digest_results(folder)
-        names = before.keys() | after.keys()
-        faults += [name for name in sorted(names) if before.get(name) != after.get(name)]
-        print(f"{what}: {faults or 'right'}", flush=True)
-        yield target, number.name.removeprefix("SIG"), not faults
-        if faults:
-            repro(folder, "--force")
+    with_workers = [name for name in stages if "open_workers" in _read_source(name)]
+    seconds = dict.fromkeys(stages, FIRST_GUESS_S)
+    with open_stage_server(folder):  # for the runs after kills
+        known, before = list_processes(folder), digest_results(folder)
+        while count:
+            target, number = rng.choice(TARGETS), rng.choice(SIGNALS)
+            stage = rng.choice(with_workers if target == "worker" else stages)
+            delay_s, begin = rng.uniform(0.0, seconds[stage]), time.monotonic()
+            with without_server(folder):
+                was_there = kill_run(folder, stage, target, number, delay_s)
+            if not was_there:  # it had ended
+                seconds[stage] = time.monotonic() - begin
+                continue
+            count -= 1
+            what = f"{number.name} to {target} of {stage} after {delay_s:.1f} s"
+            faults = [f"still runs: {command}" for command in list_orphans(folder, known)]
+            if failure := repro(folder):
+                faults.append(failure)
+            after = digest_results(folder)
+            names = before.keys() | after.keys()
+            faults += [name for name in sorted(names) if before.get(name) != after.get(name)]
+            print(f"{what}: {faults or 'right'}", flush=True)
+            yield target, number.name.removeprefix("SIG"), not faults
+            if faults and (failure := repro(folder, "--force")):
+                raise SystemExit(f"the pipeline cannot be put back in order:\n{failure}")
             before = digest_results(folder)
+
+
+def _read_source(stage: str) -> str:
+    """Return the source of a stage's module."""
+    return (ROOT / f"{stage_module(stage).replace('.', '/')}.py").read_text(encoding="utf-8")
 
 
 # --- flips

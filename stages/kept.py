@@ -36,31 +36,34 @@ class KeptResults:
     made_from: str
     own: Mapping[str, Any]
 
-    def load(self, name: str, unpack: Callable[[bytes], Any]) -> Any:
+    def load(self, name: str, kind: str, unpack: Callable[[bytes], Any]) -> Any:
         """Return a kept result; None if there is none, or its checksum is wrong.
 
-        unpack: turns the packed result into what it was.
+        kind: the ending of its file. unpack: turns the packed result into what it was.
         """
-        if self.folder is None or (content := unseal(path := self._path(name))) is None:
+        if self.folder is None or (content := unseal(path := self._path(name, kind))) is None:
             return None
         with suppress(OSError):
             os.utime(path)  # `save` removes those that were not used for long
         return unpack(content)
 
-    def save(self, name: str, packed: bytes) -> None:
-        """Keep a packed result, and remove all but the MOST recently used files."""
+    def save(self, name: str, kind: str, packed: bytes) -> None:
+        """Keep a packed result, and remove all but the MOST recently used files.
+
+        kind: the ending of the file, which distinguishes results of one name.
+        """
         if self.folder is None:
             return
-        save_bytes(self._path(name), seal(packed))
+        save_bytes(self._path(name, kind), seal(packed))
         oldest_first = sorted(self.folder.iterdir(), key=lambda path: path.stat().st_mtime)
         for path in oldest_first[:-MOST]:
             path.unlink(missing_ok=True)
 
-    def _path(self, name: str) -> Path:
+    def _path(self, name: str, kind: str) -> Path:
         """Return the path of a result's file, named by a digest of all it is made from."""
         assert self.folder is not None
         key = {"all": self.made_from, "name": name, "own": self.own.get(name)}
-        return self.folder / key_digest(key)
+        return self.folder / f"{key_digest(key)}.{kind}"
 
 
 def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptResults:

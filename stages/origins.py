@@ -45,7 +45,7 @@ def _inputs_to_note(stage: Mapping[str, Any]) -> list[str]:
 
 
 def note_origins(name: str) -> None:
-    """Write checksums.yaml into the folders that a stage wrote, as `finloop.io.checksums` says.
+    """Write the record of checksums (`finloop.io.checksums`) into the folders that a stage wrote.
 
     name: of the stage in dvc.yaml. The record in its first folder has its other outputs, too, and
     what `passes_on` names. Nothing is written for another name, or if the first is no folder.

@@ -96,7 +96,7 @@ def measure_swimming(
     name without a followed fish is left out.
     """
     tables = {
-        name: kept.load(name, partial(unpack_frames, count=len(lists)))
+        name: kept.load(name, "frames", partial(unpack_frames, count=len(lists)))
         for name, lists in edit_lists.items()
     }
     new = [name for name, kept_tables in tables.items() if kept_tables is None]
@@ -109,7 +109,7 @@ def measure_swimming(
             for edit, _ in edit_lists[name]:
                 tables[name].append(next(results))
                 advance(len(edit))
-            kept.save(name, pack_frames(tables[name]))
+            kept.save(name, "frames", pack_frames(tables[name]))
     return _join_measured(edit_lists, tables, instruments)
 
 
@@ -159,14 +159,14 @@ def classify_all(
     kept: verdicts of an earlier run. New verdicts are kept, too; a note is printed on each
     comparison with too few windows.
     """
-    kept_values = {name: kept.load(name, unpack_values) for name in sides}
+    kept_values = {name: kept.load(name, "values", unpack_values) for name in sides}
     verdicts = {name: Verdict.from_values(values) for name, values in kept_values.items() if values}
     new = {name: windows for name, windows in sides.items() if name not in verdicts}
     results = ordered_map(partial(_classify_or_error, p), new.items(), pool)
     for name, result in zip(new, results, strict=True):
         if isinstance(result, Verdict):
             verdicts[name] = result
-            kept.save(name, pack_values(result.to_values()))
+            kept.save(name, "values", pack_values(result.to_values()))
         else:
             print(f"realism: no numbers for {name}: {result}", file=sys.stderr)
     return {name: verdicts[name] for name in sides if name in verdicts}  # in the order of `sides`

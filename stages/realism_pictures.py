@@ -181,7 +181,7 @@ class PictureSample:
         """
         results = dict[str, PictureResult]()
         for name in self.names:
-            if values := kept.load(f"picture {name}", unpack_values):
+            if values := kept.load(f"picture {name}", "values", unpack_values):
                 results[name] = PictureResult.from_values(values)
         new = [name for name in self.names if name not in results]
         if new:
@@ -194,7 +194,7 @@ class PictureSample:
                     print(f"realism: no pictures of {name}: {result}", file=sys.stderr)
                     continue
                 results[name] = result
-                kept.save(f"picture {name}", pack_values(result.to_values()))
+                kept.save(f"picture {name}", "values", pack_values(result.to_values()))
         return {name: results[name] for name in self.names if name in results}
 
     def _measure_film_crops(self, pool: Workers) -> CropSeries:

@@ -1,5 +1,6 @@
 """What was written is what is read: one flipped bit is noticed, wherever it is."""
 
+import hashlib
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -137,6 +138,30 @@ def test_every_artefact_is_compared(whole):
     assert [check_file(path) for path in recorded(whole)] == recorded(whole)
 
 
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of DVC's cache, with a file and a list of files."""
+    monkeypatch.setattr(stages.verify, "run_dvc", lambda *_, **__: (True, f"{tmp_path}\n"))
+    for kept, ending in ((b"a film", ""), (b"[]", ".dir")):
+        digest = hashlib.md5(kept, usedforsecurity=False).hexdigest()
+        path = tmp_path / "files/md5" / digest[:2] / f"{digest[2:]}{ending}"
+        path.parent.mkdir(parents=True)
+        path.write_bytes(kept)
+    return tmp_path
+
+
+def test_verify_removes_what_is_damaged_in_the_cache_of_dvc(whole, cache, monkeypatch):
+    monkeypatch.chdir(whole)
+    film, names = sorted(cache.rglob("files/md5/*/*"), key=lambda path: path.suffix)
+    for path, other in ((film, names), (names, film)):
+        with flipped(path, 0.5):
+            with pytest.raises(FinloopError, match=rf"{path.name}, in DVC's cache, .*removed"):
+                stages.verify.main()
+            assert not path.exists() and other.exists()
+    stages.verify.main()
+
+
+@pytest.mark.usefixtures("cache")
 def test_verify_names_all_damage_and_has_dvc_look_again(whole, monkeypatch, capsys):
     monkeypatch.chdir(whole)
     stages.verify.main()
@@ -177,7 +202,7 @@ def test_a_record_names_files_inside_and_beside_and_stands_for_the_folder(tmp_pa
         assert find_damage(folder) == []
         save_checksums(source)  # from now on it stands for its files
     assert "../from/2/3" in records[0] and "../from/2/3" not in records[1]
-    assert "../from/checksums.yaml" in records[1]
+    assert "../from/finloop-checksums.yaml" in records[1]
     (tmp_path / "beside.txt").write_text("other")
     (folder / "b/deep.txt").unlink()
     (folder / "x: y #.txt").write_text("other")
@@ -255,11 +280,11 @@ def test_a_damaged_piece_of_an_interrupted_run_is_named_and_made_again(tmp_path,
 
 def test_a_damaged_result_that_was_kept_is_named_and_missing(tmp_path, capsys):
     kept = KeptResults(tmp_path, "", {})
-    kept.save("loops", pack_values([1 / 3]))
-    assert kept.load("loops", unpack_values) == [1 / 3]
+    kept.save("loops", "values", pack_values([1 / 3]))
+    assert kept.load("loops", "values", unpack_values) == [1 / 3]
     for share in (0, 0.5, 1):
         with flipped(next(tmp_path.iterdir()), share):
-            assert kept.load("loops", unpack_values) is None
+            assert kept.load("loops", "values", unpack_values) is None
     assert capsys.readouterr().err.count("is damaged") == 3
 
 

@@ -136,11 +136,11 @@ def test_what_a_folder_was_made_from_is_noted_in_it(tmp_path, monkeypatch):
             Path(path).write_text(str(number * path.startswith("data/features")))
         note_origins("features")
         note_origins("pose")
-        notes.append(Path("data/pose/checksums.yaml").read_text())
+        notes.append(Path("data/pose/finloop-checksums.yaml").read_text())
     first, second = map(yaml.safe_load, notes)
     assert first["files"] == second["files"]
     assert {*first["files"]} == {"b.txt", "../../reports/pose/metrics.json"}
-    assert {*first["made_from"]} == {"../features/checksums.yaml"}
+    assert {*first["made_from"]} == {"../features/finloop-checksums.yaml"}
     assert first["made_from"] != second["made_from"]
     note_origins("no stage")  # a program beside the pipeline notes nothing
 

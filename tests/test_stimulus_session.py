@@ -215,6 +215,11 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     back = [(one.number, one.shown_s, one.digest, one.states.tobytes())
             for one in read_displayed_frames(open_session_record(tmp_path / "a.parquet"))]  # fmt: skip
     assert back == told
+    damaged = bytearray((tmp_path / "a.parquet").read_bytes())
+    damaged[len(damaged) // 3] ^= 1
+    (tmp_path / "b.parquet").write_bytes(damaged)
+    with pytest.raises(FinloopError, match=r"b\.parquet is damaged"):
+        list(read_displayed_frames(open_session_record(tmp_path / "b.parquet")))
 
 
 @settings(max_examples=60)

@@ -1,8 +1,8 @@
 """Checksums of results: written when a stage ends, compared whenever a result is read.
 
-The file `checksums.yaml` in a folder has the SHA-256 of every file of the folder, of files beside
-it that were written with them, and of what all were made from. Its first line is the SHA-256 of its
-other lines. A file that no such record names is not compared.
+The file `finloop-checksums.yaml` in a folder has the SHA-256 of every file of the folder, of files
+beside it that were written with them, and of what all were made from. Its first line is the SHA-256
+of its other lines. A file that no such record names is not compared.
 
 A digest is remembered by the file's place on the disk, size and times of change: by this process,
 and of a large file by all processes, until the temporary folder is emptied. So arrays of gigabytes
@@ -22,7 +22,7 @@ from pathlib import Path
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes
 
-RECORD_NAME = "checksums.yaml"
+RECORD_NAME = "finloop-checksums.yaml"
 _HEAD = "# SHA-256 of the lines below: "
 _LEVELS = 3  # folders above a file in which its record is looked for
 _LARGE = 1 << 23  # bytes of a file whose digest all processes remember

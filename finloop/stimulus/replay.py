@@ -32,10 +32,22 @@ class SessionRecord:
     path: Path
     header: dict[str, Any]
 
+    def read_batches(self, columns: list[str]) -> Iterator[pa.RecordBatch]:
+        """Yield the log's rows in order, with some columns; FinloopError at a damaged page."""
+        try:
+            with pq.ParquetFile(self.path, page_checksum_verification=True) as file:
+                yield from file.iter_batches(columns=columns)
+        except (OSError, pa.ArrowException) as error:
+            raise FinloopError(
+                f"{self.path} is damaged ({str(error).splitlines()[0]})",
+                _WANTED,
+                "take a copy of it that is whole, or recover it from its journal",
+            ) from error
+
     def read_rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
         """Yield the log's rows of some kinds ("trial" …) in order, by column, without states."""
         names = [name for name in SESSION.names if name not in (*FIELDS, "posture")]
-        for batch in pq.ParquetFile(self.path).iter_batches(columns=names):
+        for batch in self.read_batches(names):
             rows = batch.filter(pc.is_in(batch["kind"], pa.array(kinds)))
             yield from rows.to_pylist()
 
@@ -89,7 +101,7 @@ def read_displayed_frames(record: SessionRecord) -> Iterator[DisplayedFrame]:
 
     # The fish of a frame are in its own batch of rows or in the next one: so frames wait for that.
     waiting: list[tuple[int, float, int]] = []  # number, time and digest of the last batch's frames
-    for batch in pq.ParquetFile(record.path).iter_batches(columns=columns):
+    for batch in record.read_batches(columns):
         for number, state in _fish_states(batch):
             states_of_frame.setdefault(number, []).append(state)
         yield from starmap(complete_frame, waiting)

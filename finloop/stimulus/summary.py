@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from finloop.base.arrays import Floats
 from finloop.stimulus.drawn import FIELDS
@@ -21,8 +20,7 @@ def load_log_table(record: SessionRecord) -> pd.DataFrame:
     """Return a session's log as a table, without the rows and columns about single fish."""
     names = [name for name in SESSION.names if name not in (*FIELDS, "posture", "fish")]
     batches = [
-        batch.filter(pc.not_equal(batch["kind"], "fish"))
-        for batch in pq.ParquetFile(record.path).iter_batches(columns=names)
+        batch.filter(pc.not_equal(batch["kind"], "fish")) for batch in record.read_batches(names)
     ]
     return pa.Table.from_batches(batches).to_pandas() if batches else pd.DataFrame(columns=names)
 
