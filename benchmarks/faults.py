@@ -71,7 +71,8 @@ def prepare_run(folder: Path) -> None:
 def repro(folder: Path, *arguments: str) -> str:
     """Run `dvc repro` in a folder; return what it prints if it fails, else ""."""
     done = subprocess.run(
-        [*DVC, "repro", "--no-run-cache", *arguments, *LAST_STAGES], cwd=folder, text=True, check=False,
+        [*DVC, "repro", "--no-run-cache", *arguments, *LAST_STAGES],
+        cwd=folder, text=True, check=False,
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
     return done.stdout if done.returncode else ""

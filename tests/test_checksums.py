@@ -90,10 +90,6 @@ LOADS: dict[str, Callable[[Project], Any]] = {
     "extract/scene.json": lambda run: run.scene,
     "extract/tracks.parquet": lambda run: run.tracks(),
     "features/features.parquet": lambda run: run.features,
-    "forecast/mean.npy": lambda run: run.forecast_sampler,
-    "forecast/model.json": lambda run: run.forecast_sampler,
-    "forecast/neighbours.npy": lambda run: run.forecast_sampler,
-    "forecast/start.npy": lambda run: run.forecast_sampler,
     "gateways/gateways.parquet": lambda run: run.gateways,
     "identity/identities.parquet": lambda run: run.identities,
     "jumps/jumps.parquet": lambda run: run.jumps,
@@ -130,7 +126,8 @@ def test_every_artefact_is_compared(whole):
     files = {
         path for top in ("data", "reports") for path in (whole / top).rglob("*") if path.is_file()
     }
-    assert files - {*recorded(whole)} == {whole / "reports/index.html"}
+    report = {whole / "reports" / name for name in ("index.html", "report/metrics.json")}
+    assert files - {*recorded(whole)} == report
     for number, path in enumerate(recorded(whole)):
         with flipped(path, number % 7 / 6, number % 8):
             with pytest.raises(DamagedFileError, match=r"is damaged"):
