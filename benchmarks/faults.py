@@ -172,30 +172,29 @@ def try_kills(folder: Path, count: int, rng: random.Random) -> Iterator[tuple[st
     stages = [name for name in with_dependencies(LAST_STAGES) if name not in ("code", "params")]
     with_workers = [name for name in stages if "open_workers" in _read_source(name)]
     seconds = dict.fromkeys(stages, FIRST_GUESS_S)
-    with open_stage_server(folder):  # for the runs after kills
-        known, before = list_processes(folder), digest_results(folder)
-        while count:
-            target, number = rng.choice(TARGETS), rng.choice(SIGNALS)
-            stage = rng.choice(with_workers if target == "worker" else stages)
-            delay_s, begin = rng.uniform(0.0, seconds[stage]), time.monotonic()
-            with without_server(folder):
-                was_there = kill_run(folder, stage, target, number, delay_s)
-            if not was_there:  # it had ended
-                seconds[stage] = time.monotonic() - begin
-                continue
-            count -= 1
-            what = f"{number.name} to {target} of {stage} after {delay_s:.1f} s"
-            faults = [f"still runs: {command}" for command in list_orphans(folder, known)]
-            if failure := repro(folder):
-                faults.append(failure)
-            after = digest_results(folder)
-            names = before.keys() | after.keys()
-            faults += [name for name in sorted(names) if before.get(name) != after.get(name)]
-            print(f"{what}: {faults or 'right'}", flush=True)
-            yield target, number.name.removeprefix("SIG"), not faults
-            if faults and (failure := repro(folder, "--force")):
-                raise SystemExit(f"the pipeline cannot be put back in order:\n{failure}")
-            before = digest_results(folder)
+    known, before = list_processes(folder), digest_results(folder)
+    while count:
+        target, number = rng.choice(TARGETS), rng.choice(SIGNALS)
+        stage = rng.choice(with_workers if target == "worker" else stages)
+        delay_s, begin = rng.uniform(0.0, seconds[stage]), time.monotonic()
+        with without_server(folder):
+            was_there = kill_run(folder, stage, target, number, delay_s)
+        if not was_there:  # it had ended
+            seconds[stage] = time.monotonic() - begin
+            continue
+        count -= 1
+        what = f"{number.name} to {target} of {stage} after {delay_s:.1f} s"
+        faults = [f"still runs: {command}" for command in list_orphans(folder, known)]
+        if failure := repro(folder):
+            faults.append(failure)
+        after = digest_results(folder)
+        names = before.keys() | after.keys()
+        faults += [name for name in sorted(names) if before.get(name) != after.get(name)]
+        print(f"{what}: {faults or 'right'}", flush=True)
+        yield target, number.name.removeprefix("SIG"), not faults
+        if faults and (failure := repro(folder, "--force")):
+            raise SystemExit(f"the pipeline cannot be put back in order:\n{failure}")
+        before = digest_results(folder)
 
 
 def _read_source(stage: str) -> str:
@@ -273,8 +272,9 @@ def main() -> None:
     if not (folder / "dvc.lock").is_file():
         shutil.rmtree(folder, ignore_errors=True)
         prepare_run(folder)
-    add_counts("flip", try_flips(folder, asked.flips, rng))
-    add_counts("kill", try_kills(folder, asked.kills, rng))
+    with open_stage_server(folder):  # for the runs after faults
+        add_counts("flip", try_flips(folder, asked.flips, rng))
+        add_counts("kill", try_kills(folder, asked.kills, rng))
     print(pd.read_csv(TABLE).to_string(index=False))
 
 
