@@ -323,13 +323,13 @@ def run_random_session(
     for number in range(300):
         if rng.random() < 0.05:
             place = rng.uniform(0, 1, 2)
-        x, y = place * (scene.scene.tank.width, scene.scene.tank.height)
+        x, y = place * (scene.context.tank.width, scene.context.tank.height)
         text = json.dumps({"t": number / 50, "id": 1, "x": float(x), "y": float(y)})
         if rng.random() > 0.2:
             messages.append(TimedMessage(number / 50 + rng.uniform(0, 0.05), text))
     order, path = order_trials(plan), folder / f"{seed}.journal"
     log, clock = Log(path, scene.header(plan, order, display=None)), DryClock(sorted(messages))
-    session = Session(scene.scene, plan, order, scene.feed([], plan.fish), log, clock)
+    session = Session(scene.context, plan, order, scene.feed([], plan.fish), log, clock)
     clock.receive, session.waits_for_starts = session.receive_message, False
     session.start()
     asyncio.run(session.run_trials())
@@ -344,7 +344,7 @@ def replay_sessions() -> Iterator[Row]:
     with open_scene(parse_protocol(REHEARSAL)) as scene, tempfile.TemporaryDirectory() as name:
         for seed in range(100):
             record, plan = run_random_session(scene, seed, Path(name))
-            replay = replan_session(record, scene.scene, plan)
+            replay = replan_session(record, scene.context, plan)
             ticks, different = ticks + replay.ticks, different + replay.different
             anew += sum(row["verdict"] == "anew" for row in record.read_rows("tick"))
     yield what, "ticks", "1", ticks

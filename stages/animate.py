@@ -130,9 +130,9 @@ def main() -> None:
     motions = [measures.kinematics_table({measures.FILM_MOTION: film_motion})]
     for mode in numbers:
         motions.append(load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS))
-    departures = path_measures.LEFT.empty()
+    departures = path_measures.DEPARTURES.empty()
     if (path := ANIMATE / "matching/left.parquet").exists():
-        departures = load_table(path, path_measures.LEFT)
+        departures = load_table(path, path_measures.DEPARTURES)
     doubts = find_doubts(numbers)
     measured = numbers | {"film": film}
     table = pd.DataFrame(measured).rename_axis("measure").reset_index()

@@ -162,8 +162,8 @@ def _measure_each_seed(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[s
     """
     with Project() as project:
         animator = open_mode(project)
-        plain = replace(animator.player.joins, kind=CUT, fade=0)
-        animator = replace(animator, player=replace(animator.player, joins=plain))
+        plain = replace(animator.player.join_rules, kind=CUT, fade=0)
+        animator = replace(animator, player=replace(animator.player, join_rules=plain))
         player, rows = animator.player, []
         film_motion = measures.motion_of_film(project.features, player.world.motion)
         for seed in seeds:

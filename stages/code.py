@@ -148,10 +148,12 @@ def files_of_imports(nodes: list[Any]) -> set[str]:
 
 
 def _files_of_name(name: str) -> set[str]:
-    """Return the program's files behind a dotted name: a module, a package, or an object.
+    """Return the program's files that a dotted name stands for: of a module, package, or object.
 
-    A package that imports lazily stands for all its modules that offer objects, and an object of
-    such a package for its module. Any other object stands for the module before its last dot.
+    A module, finloop.base.line, stands for its file. A package that imports lazily, finloop.export,
+    stands for all its modules that offer objects. Of such a package an object, as
+    finloop.export.export_atlas, stands for its module; any other object, as finloop.base.line.TANK,
+    for the module before its last dot.
     """
     package, _, last_part = name.rpartition(".")
     module_by_object = _lazy_objects(package)

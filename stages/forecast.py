@@ -57,7 +57,7 @@ def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[st
     states, codes = assess.roll_out_means(film, model, rows), poses.codes[rows].copy()
     # A state is the first pose codes, then the motion; further codes stay those of the row.
     codes[:, : states.shape[1] - MOTION] = states[:, :-MOTION]
-    areas = assess.posture_motion_areas(poses.shapes.decode(codes))
+    areas = assess.posture_bends(poses.shapes.decode(codes))
     true = features["motion_area_rel"].to_numpy(float)
     predictions = {"": areas / features["motion_area"].max(), "persistence_": true[rows]}
     return {

@@ -36,10 +36,10 @@ class KeptResults:
     made_from: str
     own: Mapping[str, Any]
 
-    def load(self, name: str, kind: str, unpack: Callable[[bytes], Any]) -> Any:
+    def load(self, name: str, ending: str, unpack: Callable[[bytes], Any]) -> Any:
         """Return a kept result; None if there is none, or its checksum is wrong.
 
-        kind: the ending of its file. unpack: turns the packed result into what it was.
+        ending: the ending of its file. unpack: turns the packed result into what it was.
         """
         if self.folder is None or (content := unseal(path := self._path(name, kind))) is None:
             return None
@@ -47,23 +47,23 @@ class KeptResults:
             os.utime(path)  # `save` removes those that were not used for long
         return unpack(content)
 
-    def save(self, name: str, kind: str, packed: bytes) -> None:
+    def save(self, name: str, ending: str, packed: bytes) -> None:
         """Keep a packed result, and remove all but the MOST recently used files.
 
-        kind: the ending of the file, which distinguishes results of one name.
+        ending: the ending of the file, which distinguishes results of one name.
         """
         if self.folder is None:
             return
-        save_bytes(self._path(name, kind), seal(packed))
+        save_bytes(self._path(name, ending), seal(packed))
         oldest_first = sorted(self.folder.iterdir(), key=lambda path: path.stat().st_mtime)
         for path in oldest_first[:-MOST]:
             path.unlink(missing_ok=True)
 
-    def _path(self, name: str, kind: str) -> Path:
-        """Return the path of a result's file, named by a digest of all it is made from."""
+    def _path(self, name: str, ending: str) -> Path:
+        """Return the path of a result's file: a digest of what made it, and the ending."""
         assert self.folder is not None
         key = {"all": self.made_from, "name": name, "own": self.own.get(name)}
-        return self.folder / f"{key_digest(key)}.{kind}"
+        return self.folder / f"{key_digest(key)}.{ending}"
 
 
 def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptResults:

@@ -29,11 +29,12 @@ def _save_films(
     p: RenderSettings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
     advance: Callable[[], None],
 ) -> list[float]:  # fmt: skip
-    """Write all films of an edit list; return how much each frame differs from the one before.
+    """Write all films of an edit list; return each frame's change from the one before, first NaN.
 
-    They are an MP4 and, if desired, one with goals and path, a short WebP, and modes.mp4, which
-    shows all modes side by side. The film with marks, the WebP and the differences are of fish over
-    a still tank: grain would make files many times as large. advance: reports progress.
+    An MP4; if `p.marked_film`, another with goals and path; a short WebP, of the marked film if
+    there is one; and modes.mp4, with all modes side by side. The changes are in grey levels. They,
+    the marked film and the WebP are of fish over a still tank: grain would make files many times as
+    large. advance: reports progress.
     """
     all_fish, ticks = fish_by_tick(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background

@@ -47,10 +47,10 @@ def _retarget_film(p: RetargetSettings) -> Retargeted:
     return result._replace(numbers=numbers)
 
 
-def describe_lacks(numbers: Mapping[str, float]) -> list[str]:
-    """Return sentences on what is wrong in a retargeted track: no posture, gaps, leaving the tank.
+def describe_flaws(numbers: Mapping[str, float]) -> list[str]:
+    """Return sentences on what is wrong in a retargeted track: no pose, gaps, leaving the tank.
 
-    numbers: those of the result, with the keys used below.
+    numbers: `Retargeted.numbers`; read are with_postures, left_out_s, duration_s, outside_ticks.
     """
     sentences = []
     if not numbers["with_postures"]:
@@ -78,7 +78,7 @@ def main() -> None:
         result = Retargeted(EDIT.empty(), ASKED.empty(), {"ticks": 0})
     else:
         result = _retarget_film(p)
-        for note in describe_lacks(result.numbers):
+        for note in describe_flaws(result.numbers):
             print(f"retarget: {note}", file=sys.stderr)
     with whole_folder(OUT) as folder:
         save_table(folder / "asked.parquet", result.asked, ASKED)

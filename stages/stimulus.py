@@ -120,7 +120,7 @@ def replay(options: argparse.Namespace) -> None:
                 "run the pipeline on that film with the parameters in the session's file",
             )
         if options.check:
-            check = replan_session(record, film.scene, protocol)
+            check = replan_session(record, film.context, protocol)
             print(f"replay: {check.ticks} ticks planned again, {check.different} differ")
             if check.different:
                 sys.exit(1)
@@ -147,9 +147,9 @@ def page(options: argparse.Namespace) -> None:
     """Make a page that plays a protocol without a server, if all motion is known in advance."""
     protocol = load_protocol(options.protocol)
     with open_scene(protocol) as film:
-        motion = plan_all_trials(film.scene, protocol, order_trials(protocol))
+        motion = plan_all_trials(film.context, protocol, order_trials(protocol))
         text = build_standalone_page(
-            protocol.name, film.scene.rate_hz, film.tank.floor,
+            protocol.name, film.context.rate_hz, film.tank.floor,
             film.pictures.load_pictures(motion), motion, look_messages(protocol), loops=False,
         )  # fmt: skip
     save_bytes(options.out, text.encode())
@@ -202,7 +202,7 @@ def _open_session(
     fields = {"display": None, "folder": str(options.protocol.parent)} | facts
     log = Log(journal, film.header(protocol, trials, **fields))
     try:
-        session = Session(film.scene, protocol, trials, feed, log, clock)
+        session = Session(film.context, protocol, trials, feed, log, clock)
         session.name = str(path)
         yield session
     finally:
@@ -238,12 +238,12 @@ def _animal_messages(
             "a protocol with `animals`",
             "add animals: {unit: px} to it, or leave --animal out",
         )
-    scene, faults = film.scene, ConnectionFaults(options.loss, options.jitter, options.gap)
+    context, faults = film.context, ConnectionFaults(options.loss, options.jitter, options.gap)
     line = load_track_or_file(options.animal, PX, Project().features)
-    tracker = fit_calibration(protocol.animals, scene.mm_per_px)
+    tracker = fit_calibration(protocol.animals, context.mm_per_px)
     return list(imitate_tracker(
-        line, rate_hz=None, tank=scene.tank, faults=faults, calibration=tracker,
-        mm_per_px=scene.mm_per_px,
+        line, rate_hz=None, tank=context.tank, faults=faults, calibration=tracker,
+        mm_per_px=context.mm_per_px,
     ))  # fmt: skip
 
 

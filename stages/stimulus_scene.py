@@ -40,7 +40,7 @@ _PLANNED_BY = ("animate", "matching")
 class FilmedScene:
     """An opened film: the planner of motion, and the pictures for the display."""
 
-    scene: TrialContext
+    context: TrialContext
     pictures: PagePictures
     tank: TankCanvas  # empty
     film: str  # a digest of the film's results
@@ -50,10 +50,10 @@ class FilmedScene:
 
         looks: those of the protocol, for the page. fish: number of fish. facts: further fields.
         """
-        scene = self.scene
+        context = self.context
         fields = {
-            "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
-            "mm_per_px": scene.mm_per_px, "typical": self.pictures.measure_typical_fish(),
+            "rate": context.rate_hz, "posture": context.posture, "looks": looks, "fish": fish,
+            "mm_per_px": context.mm_per_px, "typical": self.pictures.measure_typical_fish(),
         }  # fmt: skip
         return Feed(self.tank, fields | facts, self.pictures)
 
@@ -69,8 +69,8 @@ class FilmedScene:
             "software": software | {name: version(name) for name in _SOFTWARE},
             "protocol": protocol.model_dump(mode="json", by_alias=True),
             "trials": [trial._asdict() for trial in trials],
-            "film": self.film, "rate_hz": self.scene.rate_hz, "posture": self.scene.posture,
-            "mm_per_px": self.scene.mm_per_px, "looks": look_messages(protocol),
+            "film": self.film, "rate_hz": self.context.rate_hz, "posture": self.context.posture,
+            "mm_per_px": self.context.mm_per_px, "looks": look_messages(protocol),
             "animate": _load_parameters(*_PLANNED_BY), **facts,
         }  # fmt: skip
 

@@ -31,7 +31,7 @@ from finloop.animate.arena import (
     is_floor_alike_beyond,
     make_tank,
     place_goals,
-    size_that_fits,
+    scale_that_fits,
     tank_area,
 )
 from finloop.animate.kinematics import StraightSwim, Target, Turning
@@ -160,7 +160,7 @@ def test_a_fish_that_does_not_fit_into_where_it_was_filmed_may_be_anywhere():
 @pytest.mark.parametrize("reach", [5.0, 39.0, 41.0, 90.0, 1000.0])
 def test_a_fish_is_drawn_smaller_only_where_it_could_hardly_turn(reach):
     whole = np.ones((160, 200), bool)  # 80 px from the edge to the middle
-    size = size_that_fits(whole, reach)
+    size = scale_that_fits(whole, reach)
     assert size == (1 if reach <= 40 else pytest.approx(40 / reach))
     assert make_tank(whole, size * reach).legal.mean() >= 0.2
 
@@ -403,7 +403,7 @@ def test_an_edit_list_of_one_tick_begins_as_any_other(player):
 
 
 def test_orientation_and_rest_make_the_heading(player):
-    cut = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
+    cut = replace(player, join_rules=replace(player.join_rules, kind=CUT, fade=0))
     table = play_seeded(cut, [], 2000, 1)
     direction = (table["orientation"].to_numpy(float) - 1) * 15.0
     made = wrap_deg(direction + table["rotation_deg"].to_numpy(float))

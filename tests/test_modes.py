@@ -757,7 +757,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode,
         changes = {"search_step_deltas": 2.0, "cross_fade_deltas": ticks / toy.DELTA, "join": FADE}
     player = player_in(mode, **changes)
     found, table = toy.edit_of(player, A, 1500, 2)
-    fade = player.joins.fade if ticks is None else ticks
+    fade = player.join_rules.fade if ticks is None else ticks
     film = toy.rich_film()
     assert ticks is not None or fade == round(settings("animate").cross_fade_deltas * toy.DELTA) > 1
     number, kind = table["source"].to_numpy(), table["kind"].to_numpy()

@@ -21,7 +21,7 @@ from finloop.plan.cost import Steering
 from finloop.plan.matching_settings import MatchingSettings
 from finloop.plan.objectives import ANYWHERE, path_objective
 from finloop.plan.path_measures import (
-    LEFT,
+    DEPARTURES,
     PATH_ROWS,
     find_departures,
     path_metrics,
@@ -330,7 +330,7 @@ def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins()
 def test_what_is_swum_is_written_and_drawn(tmp_path):
     _, table, left, _ = follow_line(EIGHT, ticks=100)
     save_table(tmp_path / "a.parquet", table, PATH_ROWS)
-    save_table(tmp_path / "b.parquet", left, LEFT)
+    save_table(tmp_path / "b.parquet", left, DEPARTURES)
     assert len(figure(table, left, np.full((600, 800), 128, np.uint8)).axes) == 2
 
 

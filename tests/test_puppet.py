@@ -17,7 +17,7 @@ from finloop.puppet import (
     pose_cutout,
     poses_from_features,
 )
-from finloop.puppet.pose import backbone_bends, backbone_steps, mirror_posture
+from finloop.puppet.pose import backbone_directions, backbone_steps, mirror_posture
 
 STEPS, SIZE, LENGTH, WIDE = 32, (121, 121), 60.0, 7.0
 MIDDLE = (60.0, 60.0, 0.0, LENGTH)
@@ -282,7 +282,7 @@ def test_few_shapes_explain_the_postures():
     assert len(shapes.variance_shares) <= 3  # one way to bend, and the fish's size
     assert 0.999 <= shapes.variance_shares.sum() <= 1
     back = shapes.decode(shapes.encode(posture))
-    assert np.abs(backbone_bends(back) - backbone_bends(posture)).max() < 0.05
+    assert np.abs(backbone_directions(back) - backbone_directions(posture)).max() < 0.05
     assert np.allclose(mirror_posture(shapes.mean), shapes.mean, atol=1e-9)
     assert np.allclose(shapes.shapes @ shapes.shapes.T, np.eye(len(shapes.shapes)))
 
@@ -311,11 +311,11 @@ def test_a_pose_beyond_all_filmed_is_moved_towards_the_film():
         near, clamped = shapes.nearest_codes(codes)
         assert not clamped.any() and np.array_equal(near, codes)
     wild = posture[0].copy()
-    backbone_bends(wild)[:] = np.linspace(4, -4, 8)
+    backbone_directions(wild)[:] = np.linspace(4, -4, 8)
     near, clamped = shapes.nearest_codes(shapes.encode(wild))
     assert clamped and not shapes.nearest_codes(near * (1 - 1e-9)).clamped
-    most = np.abs(backbone_bends(posture)).max()
-    bent = np.abs(backbone_bends(shapes.decode(near))).max()
+    most = np.abs(backbone_directions(posture)).max()
+    bent = np.abs(backbone_directions(shapes.decode(near))).max()
     assert most - 0.3 < bent < most + 2 * shapes.gap * 8**0.5
 
 

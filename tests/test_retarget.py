@@ -30,7 +30,7 @@ from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, choose_ticks_to_draw
 from finloop.project import Project
 from finloop.puppet import Pose
-from finloop.puppet.pose import backbone_bends
+from finloop.puppet.pose import backbone_directions
 from finloop.retarget import JoinParameters, Track, retarget_track, track_from_poses
 from finloop.retarget.load import film_track_files, load_track
 from finloop.retarget.motion import forward_share, resample_track
@@ -215,7 +215,7 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(material, carp, p
     near = material.poses.shapes.nearest_codes(codes).codes
     assert np.abs(near - codes).max() < 1e-3  # every posture is one that the film shows
     assert animation.numbers["with_postures"] == 0
-    notes = stages.retarget.describe_lacks(animation.numbers)
+    notes = stages.retarget.describe_flaws(animation.numbers)
     assert any("no pose" in one for one in notes)
     with pytest.raises(FinloopError, match=r"no body length[\s\S]*retarget.scale"):
         of_poses(poses, material, body_keypoints=("centre",))
@@ -282,7 +282,7 @@ def test_short_gaps_are_filled_and_long_ones_end_a_stretch():
     assert motion.time_s[[0, -1]] == pytest.approx([30 / 25, 59 / 25])
     assert motion.numbers["left_out_s"] == pytest.approx(20 / 25)
     assert motion.numbers["stretches_left_out"] == 1
-    assert any("0.8 s are left out" in one for one in stages.retarget.describe_lacks(
+    assert any("0.8 s are left out" in one for one in stages.retarget.describe_flaws(
         motion.numbers | {"with_postures": 1, "duration_s": 1.2, "outside_ticks": 0}
     ))  # fmt: skip
     motion = resample_track(straight(60), 25.0, how(start_s=0.4, end_s=1.2))
@@ -316,7 +316,7 @@ def test_codes_come_back_from_bends_alone_and_poses_from_points(material):
     asked = fit_postures(line, at, exact, 40.0)
     off = distances(asked.pose.backbone_px(), line)
     assert off.max() < 0.6 and np.median(off) < 0.1 and not asked.clamped.any()
-    bare = backbone_bends(pose.posture)
+    bare = backbone_directions(pose.posture)
     size = np.abs(codes).max()
     assert np.abs(most_likely_codes(bare, at, exact) - codes).max() < 0.05 * size
     flipped = most_likely_codes(bare, at, exact) @ shapes.mirror_matrix

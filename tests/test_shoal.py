@@ -61,7 +61,7 @@ from finloop.modes.matching import MatchingAnimator
 from finloop.modes.samples import sample_animations
 from finloop.plan import fallback
 from finloop.plan.load_paths import load_path_lines
-from finloop.plan.path_measures import LEFT, PATH_ROWS
+from finloop.plan.path_measures import DEPARTURES, PATH_ROWS
 from finloop.project import Project
 
 
@@ -459,7 +459,7 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
         numbers = stages.modes.matching.save_matching_tables(tmp_path, plans, swims, edit)
     swum_ = load_table(tmp_path / "path.parquet", PATH_ROWS)
     assert set(swum_["fish"]) == {0, 2} and set(swum_["mode"]) == {"matching"}
-    left = load_table(tmp_path / "left.parquet", LEFT)
+    left = load_table(tmp_path / "left.parquet", DEPARTURES)
     assert set(left["fish"]) <= {0, 2}
     across = swum_.groupby("fish")["across"]
     assert numbers["path_across_rms_body_lengths"] == pytest.approx(

@@ -140,7 +140,7 @@ def test_hostile_messages_over_the_wire_leave_a_trial_as_it_is(tmp_path, capfd):
             assert wait_for(lambda: session.phase == "done", 120)
     assert session.done == {1: "done", 2: "done"}
     record = open_session_record(tmp_path / "toy.parquet")
-    assert replan_session(record, session.scene, session.protocol).different == 0
+    assert replan_session(record, session.context, session.protocol).different == 0
     assert "Traceback" not in capfd.readouterr().err
 
 
@@ -221,8 +221,8 @@ def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
         drawn = [one for one in frames if len(one.states)]
         assert len(drawn) > 8 and all(one.digest for one in frames)
         assert len({one.digest for one in drawn}) > 4  # it moves
-        assert replan_session(record, session.scene, session.protocol).different == 0
-        feed = feed_of(session.scene, session.protocol, mode="replay", digest=True)
+        assert replan_session(record, session.context, session.protocol).different == 0
+        feed = feed_of(session.context, session.protocol, mode="replay", digest=True)
         room = ReplayHub(feed, read_displayed_frames(record), quick=True)
 
         def make_server(listens, port, started):

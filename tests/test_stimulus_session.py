@@ -290,7 +290,7 @@ def test_the_summary_tells_what_was_shown_and_how_soon(dry_run):
 def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
     plan, clock = plan_of({"live": {"seconds": 3.0} | RULE}), DryClock()
     session, _ = session_of(tmp_path, plan, clock)
-    rate, width = session.scene.rate_hz, session.scene.width
+    rate, width = session.context.rate_hz, session.context.width
     session.waits_for_starts = False
     session.start()
 

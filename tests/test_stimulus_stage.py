@@ -134,7 +134,7 @@ def test_a_track_wants_a_protocol_with_animals(workspace, tmp_path, monkeypatch)
 def test_the_length_of_a_fish_on_the_display_settles_its_scale(workspace, tmp_path):
     path = protocol(tmp_path, display={"calibrated": True, "fish_mm": 35.0})
     with open_scene(load_protocol(Path(path))) as scene:
-        assert scene.scene.mm_per_px * scene.scene.length_px == pytest.approx(35.0)
+        assert scene.context.mm_per_px * scene.context.length_px == pytest.approx(35.0)
 
 
 def test_the_page_that_stands_alone_plays_the_edit_list(workspace):

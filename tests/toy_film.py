@@ -396,7 +396,7 @@ def player_of(
             return matching_of(own_world, hulls)
     player = import_module(f"stages.modes.{mode}").open_mode(project_of(world)).player
     rules = resolve_join_rules(settings("animate"), join, bodies_of(film_), DELTA)
-    return replace(player, joins=rules, silhouettes=cast_of(film_, hulls))
+    return replace(player, join_rules=rules, silhouettes=cast_of(film_, hulls))
 
 
 def players_of(own_world=None, gates=None, hulls=(HULL, HULL)) -> dict[str, AnyPlayer]:

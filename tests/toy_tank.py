@@ -27,7 +27,8 @@ def resting_players(share):
     players = toy_players()
     rest = np.random.default_rng(0).random(len(rich_film().has_next)) < share
     return {
-        mode: replace(one, joins=replace(one.joins, rests=rest)) for mode, one in players.items()
+        mode: replace(one, join_rules=replace(one.join_rules, rests=rest))
+        for mode, one in players.items()
     }
 
 

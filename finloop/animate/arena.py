@@ -331,10 +331,10 @@ def choose_fish_area(
     return arena if tank_setting == "auto" and not _legal_centres(area, reach_px).any() else area
 
 
-def size_that_fits(area: Mask, reach_px: float) -> float:
+def scale_that_fits(area: Mask, reach_px: float) -> float:
     """Return the scale, drawn / filmed size, at most 1, at which a fish can turn in an area (h, w).
 
-    reach_px: how far the fish as filmed reaches from its centre. The size is 1, or less where the
+    reach_px: how far the fish as filmed reaches from its centre. The scale is 1, or less where the
     fish would reach farther than half of the distance from the wall to the area's middle.
     """
     return min(1.0, _MOST_REACH * float(_depth_px(area).max()) / reach_px)

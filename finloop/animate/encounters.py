@@ -56,7 +56,7 @@ def outline_on_screen(player: AnyPlayer, edit_row: Any) -> Floats:
 
 
 def do_outlines_overlap(first: Floats, second: Floats) -> bool:
-    """Return whether two outlines (p, 2) on screen share a pixel, apart from their edges."""
+    """Return whether two outlines (p, 2), px on screen, share a pixel, apart from their edges."""
     low, high = np.maximum(first.min(0), second.min(0)), np.minimum(first.max(0), second.max(0))
     if (low > high).any():
         return False

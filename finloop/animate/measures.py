@@ -190,7 +190,8 @@ def kinematic_distance(
 ) -> float:
     """Return the Wasserstein distance of samples (k,), (l,), in standard deviations of the film.
 
-    scale_values: the sample whose standard deviation is the unit, by default `film_values`.
+    values (k,): of an animation; film_values (l,): of the film, in the same unit. scale_values: the
+    sample whose standard deviation is the unit, by default `film_values`.
     """
     sd = (film_values if scale_values is None else scale_values).std()
     return wasserstein_distance(values, film_values) / float(sd)

@@ -26,7 +26,7 @@ class AnyPlayer(Protocol):
         """Return the tank, the motion statistics of the film, and sizes."""
 
     @property
-    def joins(self) -> JoinRules:
+    def join_rules(self) -> JoinRules:
         """Return how a picture after a jump is fitted to the one before: faded, cut or inertial."""
 
     @property

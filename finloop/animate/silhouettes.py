@@ -30,7 +30,10 @@ class FilmOutlines:
 
     @classmethod
     def from_rows(cls, outline_px: Reals, rows: pd.DataFrame) -> "FilmOutlines":
-        """Return the outlines (n, k, 2) of rows (n) with columns x_px, y_px and heading_deg."""
+        """Return the outlines of n rows with columns x_px, y_px and heading_deg.
+
+        outline_px (n, k, 2): x, y in the film.
+        """
         heading = np.radians(rows["heading_deg"].to_numpy(float))
         return cls(outline_px, rows[["x_px", "y_px"]].to_numpy(float), heading)
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import choose_fish_area, size_that_fits
+from finloop.animate.arena import choose_fish_area, scale_that_fits
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.animate.silhouettes import FilmOutlines, FrameOutlines
 from finloop.base.arrays import Floats, Mask, Picture
@@ -44,7 +44,7 @@ def scale_film(
     reach_px, barred = measure_reach(of_sprites, filmed, p.reach_quantile)
     size = 1.0 if p.fish_scale == "auto" else p.fish_scale
     area = choose_fish_area(arena, outlines.hulls, size * reach_px, p.tank, floor)
-    size = size_that_fits(area, reach_px) if p.fish_scale == "auto" else size
+    size = scale_that_fits(area, reach_px) if p.fish_scale == "auto" else size
     drawn = FrameOutlines(outlines, size * scale)
     return ScaledFilm(reel.scale_to(size), drawn, area, size * reach_px, barred)
 

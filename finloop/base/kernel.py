@@ -45,7 +45,7 @@ class _AllSources:
         return _sources_digest()
 
     def get_disambiguator(self) -> str:
-        """Return a suffix for the cache file's name: the kernel's line, and digits of the digest.
+        """Return a cache file's suffix: the kernel's line, and 8 digits of all kernels' digest.
 
         Without the digest, numba would load an older file, which may name removed types and fail.
         """

@@ -103,8 +103,9 @@ def build_film_group(
 ) -> FilmGroup:
     """Return the group of all fish of a film, with their neighbours, from the feature table.
 
-    delta: Δ in frames. horizon: time between seeing and responding, in units of Δ, or "auto" to
-    measure it. FinloopError if a given horizon is longer than half the longest track.
+    arena (h, w): where animals can be; delta: Δ in frames; horizon: time between seeing and
+    responding, in units of Δ, or "auto" to measure it. FinloopError if a given horizon is longer
+    than half the longest track.
     """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))

@@ -289,8 +289,8 @@ def cross_validate(
 ) -> float:
     """Return the squared error of directions if each part of the rows predicts the other one.
 
-    parts (n,): True for one part, False for the other; both errors are summed. The other arguments
-    are those of `fit_directions`.
+    It is the sum over all n rows of squared differences of unit vectors. parts (n,): True for one
+    part, False for the other. The other arguments are those of `fit_directions`.
     """
     columns = _regression_columns(pulls, wall, weights)
     first, second = (_sum_rows(columns[part], after[part]) for part in (parts, ~parts))

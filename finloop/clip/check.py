@@ -198,11 +198,11 @@ def _undo_shake(frames: list[Picture]) -> list[Picture]:
 
 
 def _median_picture(frames: Sequence[Picture]) -> Picture:
-    """Return the median of each pixel over pictures of one size.
+    """Return the median (h, w[, 3]) of each pixel over pictures of one size.
 
-    Neighbours that are out of order change places until the upper half is sorted: for so few
-    pictures this is ten times as fast as a sort of each pixel. A strip of rows at a time stays in
-    the processor's cache.
+    Of an even number it is the upper one of the two in the middle. Neighbours that are out of order
+    change places until the upper half is sorted: for so few pictures this is ten times as fast as a
+    sort of each pixel. A strip of rows at a time stays in the processor's cache.
     """
     middle = np.empty_like(frames[0])
     rank = len(frames) // 2
@@ -302,8 +302,8 @@ def measure_field_order(before: Picture, after: Picture) -> float:
 def _measure_noise(before: Picture, after: Picture, gain: float) -> float:
     """Return the noise of two successive grey frames, as a standard deviation in grey levels.
 
-    gain: brightness of the first frame divided by that of the second. The median of 6 × 6 tiles
-    counts, so that animals, which move in a few of them, do not.
+    before, after (h, w): the frames; gain: brightness of the first frame divided by that of the
+    second. The median of 6 × 6 tiles counts, so that animals, which move in a few of them, do not.
     """
     equally_bright = after[::_THIN, ::_THIN].astype(np.float32) * gain
     difference = np.abs(equally_bright - before[::_THIN, ::_THIN])

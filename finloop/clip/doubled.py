@@ -25,7 +25,7 @@ _FEW = 8  # doubled pictures from which a cadence is searched for
 
 
 def picture_change(before: Picture, after: Picture) -> float:
-    """Return how much two grey frames (h, w) differ, in grey levels.
+    """Return how much two grey frames (h, w) differ, in grey levels ≥ 0.
 
     Only the 1 % of all blocks (12×12 px) that change most count, so a small animal is noticed.
     """
@@ -129,7 +129,7 @@ def _fit_cadence(decidable: Mask, doubled: Mask) -> tuple[float, Ints, Mask]:
 
 
 def _frames_on_beat(number: Ints, rate: float, phase: float) -> Mask:
-    """Return a mask of frames, given by number, on which a beat of a rhythm falls.
+    """Return a mask (n,) of frames, given by number (n,), on which a beat of a rhythm falls.
 
     rate: beats per frame; phase: how many beats there are up to frame 0.
     """

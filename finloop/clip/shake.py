@@ -161,8 +161,8 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
 def _fit_robustly(design: Floats, level: Floats, trust: Floats, weight: Floats) -> _Fit:
     """Return a fit of grey levels (marks,) by the columns of design (marks, 4), without outliers.
 
-    A mark's weight is its trust (marks,) times Tukey's biweight of its residual, which leaves out
-    animals. weight (marks,): the weights to begin with.
+    level (marks,): of each landmark. A mark's weight is its trust (marks,) times Tukey's biweight
+    of its residual, which leaves out animals. weight (marks,): the weights to begin with.
     """
     for _ in range(2):  # the weights depend on the fit
         gram = (design * weight[:, None]).T @ design + 1e-9 * np.eye(4)

@@ -280,7 +280,7 @@ def _massless_response(oscillators: Oscillators, t: Floats) -> Response:
 
 
 def _mean_of_decay(x: Floats) -> Floats:
-    """Return the mean of e^−s over s from 0 to x: (1 − e^−x) / x, and 1 at x = 0."""
+    """Return the mean of e^−s over s from 0 to x (…), ≥ 0: (1 − e^−x) / x, and 1 at x = 0."""
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
 
 
@@ -530,11 +530,11 @@ def _build_solver(matrix: csr_array, method: str) -> Callable[[Floats], Floats]:
 
 
 def invert_by_schulz(matrix: Floats) -> tuple[Floats, int, float]:
-    """Return a matrix's inverse X, the number of iterations, and the largest entry of |I − C X|.
+    """Return a matrix's inverse X, the number of iterations, and the largest entry of |I − X C|.
 
-    The method is Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖, until that entry is at most
-    SCHULZ_TOLERANCE. The paper names no norm; this one is the largest row sum, which bounds every
-    eigenvalue, so the iteration converges. FinloopError if the matrix is singular, or nearly.
+    matrix: C. The method is Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖, until that entry is at
+    most SCHULZ_TOLERANCE. The paper names no norm; this one is the largest row sum, which bounds
+    every eigenvalue, so the iteration converges. FinloopError if C is singular, or nearly.
     """
     unit = np.eye(len(matrix))
     x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()

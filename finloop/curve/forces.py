@@ -46,7 +46,10 @@ class Wind:
     gust_length: float = 1.0
 
     def gust_velocity(self, places: Floats, time: float) -> Floats:
-        """Return the velocity (…, 2) that gusts add to the wind at positions (…, 2) and a time."""
+        """Return the velocity (…, 2) that gusts add to the wind at positions (…, 2) and a time.
+
+        Lengths and times are in the units of the wind's velocity.
+        """
         along = np.asarray(self.velocity)
         speed = float(np.hypot(*along)) or 1.0
         across = np.array([-along[1], along[0]])

@@ -256,7 +256,8 @@ def find_similar_pairs(
 ) -> Iterator[PicturePairs]:
     """Yield, block by block, the pairs a < b that are comparable (Eq. 6) and look alike.
 
-    x (n, k): in the order of `sort_by_kind_and_area`. Comparable are pictures of one kind whose
+    x (n, k): the pictures, and their kind and area (n,), in the order of `sort_by_kind_and_area`.
+    Comparable are pictures of one kind whose
     areas differ by at most `threshold` (Eqs. 6-8); alike are those at most `most_distance` apart
     (Eq. 5). Memory does not grow with the number of pairs.
     """

@@ -113,7 +113,10 @@ class Bodies:
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
 
     def sprite_direction_deg(self, orientation: int, rotation_deg: float) -> Floats:
-        """Return the direction [°] in which a sprite swims in an orientation, turned further."""
+        """Return the direction [°] in which a sprite swims in an orientation, turned further.
+
+        Both angles are anticlockwise on screen.
+        """
         return orientation_heading_deg(orientation, count_orientations(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:

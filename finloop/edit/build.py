@@ -29,7 +29,7 @@ class EditInputs:
 
     rate_hz: ticks per second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,),
     sprite_scale (s,): drawn size / filmed size; goes_on (n,): whether a row is followed by the next
-    one; sprite_after (s,): the sprite that follows each; orientations: of each sprite; joins: how
+    one; sprite_after (s,): the sprite that follows each; orientations: of each sprite; join_rules:
     pictures are joined; frame_mode, sprite_mode: names of the modes that play frames and sprites.
     """
 
@@ -41,7 +41,7 @@ class EditInputs:
     sprite_scale: Reals
     sprite_after: Ints
     orientations: int
-    joins: JoinRules
+    join_rules: JoinRules
     frame_mode: str
     sprite_mode: str
 
@@ -195,7 +195,7 @@ def _join_columns(
     heading (ticks,): of the fish, degrees; transitions: ticks whose picture does not continue the
     one before; not used for inertialization, whose joins are found in the pictures.
     """
-    rules, columns = inputs.joins, _picture_columns(pictures, heading, inputs)
+    rules, columns = inputs.join_rules, _picture_columns(pictures, heading, inputs)
     pose = np.full(len(heading), None, object)
     if rules.kind == INERTIAL and len(heading):
         join = inertialize_pictures(pictures, heading, rules)

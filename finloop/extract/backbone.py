@@ -293,7 +293,7 @@ def smoothing_matrix(points: int, weight: float = _SMOOTHING) -> Floats:
 
 @kernel
 def _interpolate_field(field, x, y):  # type: ignore[no-untyped-def]
-    """Return the grey level of a picture (h, w) at x, y [px], bilinear.
+    """Return the grey level of a picture, `field` (h, w), at x, y [px], bilinear.
 
     It is 0 outside of the picture, and on its last row and column.
     """

@@ -317,10 +317,10 @@ def measure_scene(
 
 
 def _signed_difference(background: Picture, frame: Picture) -> NDArray[np.float32]:
-    """Return the signed, smoothed difference of a frame from the tank at every second pixel.
+    """Return frame minus tank at every second pixel, smoothed: > 0 where the frame is brighter.
 
-    Of three colour channels the one that differs most counts. The tank is first made as bright as
-    the frame.
+    The result (h / 2, w / 2) is in grey levels. The tank is first made as bright as the frame. Of
+    three colour channels the one that differs most counts.
     """
     change = frame.astype(np.float32) - relative_brightness(frame, background) * background.astype(
         np.float32

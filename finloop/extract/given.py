@@ -388,7 +388,7 @@ class ExternalTrackLinker:
 
 
 def longest_run_frames(given: ExternalTracks) -> int:
-    """Return the largest number of successive frames of the clip in which an animal is tracked."""
+    """Return the length of the longest gapless run of frames in which one animal is tracked."""
     frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
     row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
     animal = given.individual[row]

@@ -188,6 +188,7 @@ def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-unt
 
     alpha: (h, w); film, tank: (h, w, k); gains: (k,). The change is (h, w, k), its mean square (h,
     w), and the alpha (h, w), which is 255 or more where nothing of the tank is seen: all float32.
+    grain_grey: standard deviation of the film's noise.
     """
     height, width, channels = film.shape
     light, limit = (1 / gains).astype(np.float32), np.float32(2 * grain_grey)
@@ -236,7 +237,8 @@ def _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_gr
     """Return a cut-out (h, w, k + 1) uint8, premultiplied: the change beyond the grain, over alpha.
 
     alpha (h, w), tank (h, w, k); change, opacity: from `_change_beside`; power: mean square of the
-    change around a pixel; other: not 0 near another animal; distance: px to the fish.
+    change around a pixel; other: not 0 near another animal; distance: px to the fish; grain_grey:
+    standard deviation of the film's noise, grey levels.
     """
     height, width, channels = change.shape
     result = np.empty((height, width, channels + 1), np.uint8)

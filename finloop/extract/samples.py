@@ -128,8 +128,8 @@ def _try_backgrounds(
 ) -> _BackgroundTrial:  # fmt: skip
     """Return the trial of the best background: median, median without ghosts, or an even tone.
 
-    measure: tries a background; FinloopError if no fish is found on it. least_contrast: of a fish,
-    grey levels. FinloopError if none shows a fish.
+    measure: tries a background (h, w[, 3]); FinloopError if no fish is found on it. median: of the
+    sample frames; least_contrast: of a fish, grey levels. FinloopError if none shows a fish.
     """
     others: list[_BackgroundTrial] = []
     with suppress(FinloopError):

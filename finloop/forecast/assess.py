@@ -128,7 +128,7 @@ def measure_predictions(
 
 
 def _log_likelihood(error: Floats, deviation: Floats) -> float:
-    """Return the mean log density of normal errors (k, d), by their standard deviations."""
+    """Return the mean log density, nats, of normal errors (k, d) of a standard deviation (k, d)."""
     return float(np.mean(-((error / deviation) ** 2) / 2 - np.log(deviation * np.sqrt(2 * np.pi))))
 
 
@@ -150,7 +150,8 @@ def _simulate_control(
 ) -> tuple[float, float]:
     """Simulate a controlled fish for the time Δ; return its displacement [BL] and turn [rad].
 
-    row: at which the fish starts.
+    row: at which the fish starts; control (2,): displacement [BL] and turn [rad] over Δ, asked for.
+    Turns are + to the left.
     """
     past = start_at_row(sampler, row).past
     state, steps = RolloutState(past, draw_next_row(sampler, row, control, rng)), []
@@ -193,8 +194,12 @@ def measure_control_slopes(
     return slopes
 
 
-def posture_motion_areas(postures: Floats) -> Floats:
-    """Return how bent postures (k, 2 + 2 n) are: motion areas (k,), squared body lengths (§2.2)."""
+def posture_bends(postures: Floats) -> Floats:
+    """Return each posture's motion area (k,), how much it is bent, in squared body lengths, ≥ 0.
+
+    postures (k, 2 + 2 n): as in `Pose.posture`. The motion area is the area that the backbone's
+    spline encloses (fish paper §2.2).
+    """
     zeros = np.zeros(len(postures))
     poses = Pose(zeros, zeros, heading_rad=zeros, size_px=zeros + 1, posture=postures)
     lines = poses.backbone_px()
@@ -219,10 +224,11 @@ def free_swim_table(states: Floats, rows: Ints) -> pd.DataFrame:
 def compare_free_swim(
     states: Floats, rows: Ints, film: FilmStates, sampler: Sampler
 ) -> dict[str, float]:
-    """Return, by name, how a fish that swims by predictions alone compares with the film.
+    """Return, by name, spread and repeats of a free swim (by predictions alone), beside the film's.
 
-    Keys …_spread_of_film: standard deviation over the film's; free_clamped_pct: ticks at the edge
-    of the film's range; …_repeat_s: longest repeats of states or rows, seconds.
+    states (t, d), rows (t,): from `swim_freely`. Keys …_spread_of_film: standard deviation divided
+    by the film's; free_clamped_pct: share of ticks at the edge of the film's range;
+    free_longest_…_repeat_s: longest stretch of states, or of rows, that is shown again.
     """
     filmed = film.states[film.rows]
     clamped = (states <= sampler.low) | (states >= sampler.high)

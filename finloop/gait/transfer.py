@@ -179,7 +179,10 @@ def _rename_curves(drawing: Drawing, new_names: Mapping[str, str]) -> Drawing:
 
 
 def _join_limbs(key: Mapping[str, Points], limbs: Limbs) -> dict[str, Points]:
-    """Return the joined points (m, 2) of all contours of each limb, by limb."""
+    """Return the points (m, 2) of all contours of each limb in a key pose, joined, by limb.
+
+    key: points (n, 2) of each contour, by id; limbs: ids of each limb's contours.
+    """
     return {limb: np.concatenate([key[name] for name in names]) for limb, names in limbs.items()}
 
 
@@ -350,7 +353,7 @@ def renumber_curve(reference: Points, curve: Curve, usual_turn: complex | None =
         points = resample_curve(curve, n).points
 
         def likeness(numbered: Points) -> float:
-            """Return how well points (n, 2) match the reference, row by row."""
+            """Return how well points (n, 2) match the reference, point by point; more is better."""
             product = centred_reference @ _centred_complex_points(numbered).conj()
             return float(_likeness_of_product(product))
 
@@ -411,8 +414,9 @@ def _mirrored_point_order(pairs: Sequence[tuple[Points, Points]], closed: bool) 
 def _likeness_of_product(z: Complex) -> Points:
     """Return how alike two contours are if one is turned best: |z| + UPRIGHT · Re z.
 
-    z is Σ a_i conj(b_i) over the points of both as centred complex numbers. The second part is
-    there for contours that look the same turned, such as an eye: they should not turn.
+    z is Σ a_i conj(b_i) over the points of both as centred complex numbers, a number or an array,
+    as the result. The second part is there for contours that look the same turned, such as an eye:
+    they should not turn.
     """
     return np.abs(z) + UPRIGHT * z.real
 

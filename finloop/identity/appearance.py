@@ -137,7 +137,8 @@ def _mean_descriptors_at_ends(
 ) -> tuple[Floats, Floats]:
     """Return the mean descriptors (n, c) of each track's first and last part.
 
-    directions: discriminant directions onto which they are projected; None leaves them as they are.
+    tracks: descriptors (k, d) of each of n tracks, in the order of its frames. directions: c
+    discriminant directions onto which they are projected; None leaves them as they are, c = d.
     """
     part = [max(1, len(track) // _PARTS) for track in tracks]
     first = np.array([track[:k].mean(0) for track, k in zip(tracks, part, strict=True)])

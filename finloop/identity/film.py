@@ -155,8 +155,8 @@ def _cut_gap(frame: Ints, rows: NDArray[np.intp], gap_frames: int) -> list[NDArr
 def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]) -> TrackJoins:
     """Return which track continues which other, by motion and appearance.
 
-    Tracks are joined to chains, chains to longer ones; a pair is likely if its ends fit in motion,
-    and its animals look alike.
+    track_rows: the feature rows of each track, rising. Tracks are joined to chains, chains to
+    longer ones; a pair is likely if its ends fit in motion, and its animals look alike.
     """
     reel, p = evidence.reel, evidence.settings
     features = reel.features
@@ -193,7 +193,10 @@ def _join_tracks(evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]])
 def _describe_tracks(
     evidence: IdentityEvidence, track_rows: list[NDArray[np.intp]]
 ) -> list[Floats]:
-    """Return descriptors (k, d) of the animal's looks in k rows of each track."""
+    """Return descriptors (k, d) of the animal's looks, of each track, in k rows spread over it.
+
+    track_rows: the feature rows of each track, rising.
+    """
     reel, p = evidence.reel, evidence.settings
     samples = [spread_rows(rows, p.pictures_per_track) for rows in track_rows]
     sampled_rows = np.concatenate(samples)

@@ -83,7 +83,8 @@ def load_regions(
 def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], T]) -> Regions[T]:
     """Load the regions of limbs from mask pictures, see `load_regions`.
 
-    paths: of each limb's pictures, by limb. A frame without a picture of a limb has None for it.
+    paths: of each limb's pictures, by limb; convert_mask: turns a mask (h, w) into a region. A
+    frame without a picture of a limb has None for it.
     """
     numbered = {name: _paths_by_number(files) for name, files in paths.items()}
     numbers = [number for files in numbered.values() for number in files]

@@ -58,7 +58,7 @@ class Modes(NamedTuple):
                 player.edit_inputs, sprite_scale=richest.sprite_scale,
                 sprite_after=richest.sprite_after,
                 orientations=richest.orientations,
-                joins=replace(player.edit_inputs.joins, bodies=richest.joins.bodies),
+                join_rules=replace(player.edit_inputs.join_rules, bodies=richest.join_rules.bodies),
             )
             for mode, player in players.items()
         })  # fmt: skip
@@ -479,14 +479,14 @@ class LiveFish:
         # The decisions whose motions count, the last one included; how many ticks they all have,
         # and at how many of them, before the last motion, the film moves.
         ticks, moving_ticks, recent = 0, 0, deque[DecisionRecord]()
-        joins, last = self._player.joins, self._decisions[-1]
+        join_rules, last = self._player.join_rules, self._decisions[-1]
         for decision in reversed(self._decisions):
             recent.appendleft(decision)
             ticks += len(decision.stretch.trajectory)
             if decision is not last:
                 stretch = decision.stretch
-                moving_ticks += joins.count_moving(stretch.kind, stretch.number)
-            if moving_ticks > joins.most_ticks:
+                moving_ticks += join_rules.count_moving(stretch.kind, stretch.number)
+            if moving_ticks > join_rules.most_ticks:
                 break
         # How all these motions are drawn; the rows of the last one are wanted.
         stretches = [decision.stretch for decision in recent]

@@ -78,7 +78,10 @@ class AccessPolicy:
         return False
 
     def answer_request(self, request: Request, page: str) -> Response:
-        """Return a page (HTML) as the response to a request, or a refusal (HTTP status 421)."""
+        """Return a page, or HTTP status 421 if the request has a foreign host or lacks the token.
+
+        page: its HTML.
+        """
         if not self._is_allowed(request):
             return PlainTextResponse("not this host, or no token", 421)
         host = request.headers["host"]

@@ -354,7 +354,10 @@ def measure_travel(a: Rows, b: Rows, features: pd.DataFrame) -> LoopTravel:
     heading_vector = np.exp(1j * np.radians(features["heading_deg"].to_numpy(float)))
 
     def direction_of_travel(low: Rows, high: Rows, known: Mask) -> Floats:
-        """Return the direction [°] from low to high rows; NaN if not `known`, or hardly moved."""
+        """Return the direction (…) [°] from low to high rows, anticlockwise; NaN if unknown.
+
+        It is unknown where `known` says so, or where the fish hardly moved.
+        """
         displacement = place[high] - place[low]
         known = known & (np.abs(displacement) >= TRAVEL * length[low])
         return np.where(known, np.degrees(np.angle(displacement)), np.nan)

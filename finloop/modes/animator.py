@@ -124,7 +124,7 @@ class Animator:
         In an animation joined by cross-fades, pictures too unlike to be mixed are not mixed.
         """
         animations, edit = self._animate(self.tasks(goals))
-        if self.player.joins.kind == FADE:
+        if self.player.join_rules.kind == FADE:
             edit = remove_ghost_fades(edit, self.pictures, self.p.fade_steps * self.step)
         return animations, edit
 
@@ -216,6 +216,6 @@ def make_animator(
         scale=motion.body_length_px / reel.lengths_px.astype(float),
         goes_on=rows_with_next(reel.features["track_id"].to_numpy(), assets.scaled.barred),
     )
-    joins = resolve_join_rules(p, join, assets.pictures.bodies, motion.delta)
-    player = PaperPlayer(mode, assets.world, frames, sprites, assets.silhouettes, joins)
+    join_rules = resolve_join_rules(p, join, assets.pictures.bodies, motion.delta)
+    player = PaperPlayer(mode, assets.world, frames, sprites, assets.silhouettes, join_rules)
     return Animator(player, assets.pictures, assets.film_data.natural_step, p)

@@ -141,8 +141,8 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
     """
     film, scaled, common, pictures, silhouettes = film_data.assets
     features, motion, bodies = scaled.reel.features, common.motion, pictures.bodies
-    joins = resolve_join_rules(p, p.join, bodies, motion.delta)
-    rarity = _film_rarity(film, features, bodies, joins, p.rarity_weight)
+    join_rules = resolve_join_rules(p, p.join, bodies, motion.delta)
+    rarity = _film_rarity(film, features, bodies, join_rules, p.rarity_weight)
     barred = scaled.barred.copy()
     for line in film_data.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
@@ -153,9 +153,9 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
         common.tank, motion, common.touch_px, common.head_px, film=graph,
         settings=p, discs=silhouettes.discs,
     )  # fmt: skip
-    film_source, prediction_source = _motion_sources(world, film_data.forecast, rarity, joins)
+    film_source, prediction_source = _motion_sources(world, film_data.forecast, rarity, join_rules)
     player = Planner(
-        world, film_source, prediction_source, silhouettes, joins, film_data.school_rule,
+        world, film_source, prediction_source, silhouettes, join_rules, film_data.school_rule,
         film_data.sprite_rows,
     )  # fmt: skip
     paths = tuple(
@@ -166,7 +166,7 @@ def matching_animator(film_data: MatchingData, p: AllSettings) -> MatchingAnimat
 
 
 def _film_rarity(
-    film_data: FilmData, features: pd.DataFrame, bodies: Bodies, joins: JoinRules, weight: float
+    film_data: FilmData, features: pd.DataFrame, bodies: Bodies, rules: JoinRules, weight: float
 ) -> Rarity:
     """Return the rarity of a film: what each step from picture to picture costs; rare ones more.
 
@@ -176,7 +176,7 @@ def _film_rarity(
     # From each row's picture to the next (Eq. 5); `Rarity` estimates it where it is unknown, NaN.
     filmed_steps = np.full(len(features), np.nan)
     filmed_steps[find_map_rows(features, film_data.steps)] = film_data.steps["as_filmed"]
-    offset_response, _velocity_response = joins.spring_response()
+    offset_response, _velocity_response = rules.spring_response()
     return Rarity.from_movement(
         bodies.movement, film_data.poses.codes, bodies.goes_on, filmed_steps, offset_response,
         weight,
@@ -184,7 +184,7 @@ def _film_rarity(
 
 
 def _motion_sources(
-    world: FilmWorld, sampler: Sampler | None, rarity: Rarity, joins: JoinRules
+    world: FilmWorld, sampler: Sampler | None, rarity: Rarity, rules: JoinRules
 ) -> tuple[FilmSource | None, PredictionSource | None]:
     """Return the film and the forecast as motion sources, None for one that cannot be used.
 
@@ -192,7 +192,7 @@ def _motion_sources(
     """
     film, uses, prediction_source = world.film, world.settings.uses, None
     if sampler is not None:
-        sampler = remove_dead_ends(sampler, film.has_next, joins.rests)
+        sampler = remove_dead_ends(sampler, film.has_next, rules.rests)
         if "forecast" in uses and sampler.usable.any():
             prediction_source = PredictionSource(world, sampler, rarity)
     can_play = "film" in uses and bool((film.recurrent & film.has_next).any())

@@ -343,7 +343,8 @@ class Network:
 def _drift_towards_aim(drift_deg: Floats, approach: GoalApproach) -> Floats:
     """Return the drift (n,) [°] of the heading in a phase, mirrored if it ends away from the aim.
 
-    Unless the aim is far, it is reduced so that it does not go beyond the aim.
+    drift_deg (n,): as filmed, from the first tick on, + = to the left. Unless the aim is far, it is
+    reduced so that it does not go beyond the aim.
     """
     factor = 1.0
     if not approach.far:

@@ -56,7 +56,7 @@ class PaperPlayer:
     """Plays a mode of the paper with one fish, which swims to goals or wanders.
 
     frames: of the film; sprites: in cycles and turns, None in a mode without them; silhouettes:
-    outlines of frames and sprites; joins: how pictures are joined.
+    outlines of frames and sprites; join_rules: how pictures are joined.
     """
 
     mode: PaperMode
@@ -64,7 +64,7 @@ class PaperPlayer:
     frames: FilmFrames
     sprites: Sprites | None
     silhouettes: Silhouettes
-    joins: JoinRules
+    join_rules: JoinRules
 
     school_rule = None
     most_fish = 1
@@ -79,7 +79,7 @@ class PaperPlayer:
             orientations = sprites.orientations
         return EditInputs(
             motion.rate_hz, motion.body_length_px, **self.frames._asdict(), sprite_scale=scale,
-            sprite_after=next_sprites, orientations=orientations, joins=self.joins,
+            sprite_after=next_sprites, orientations=orientations, join_rules=self.join_rules,
             frame_mode="loops", sprite_mode="network",
         )  # fmt: skip
 

@@ -260,9 +260,10 @@ def _boxes_overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 def count_folds_unchecked(points: Floats, following: Ints, first_only: bool) -> int:
     """Return the number of folds of contours (n, 2), without a check of their shape.
 
-    A fold is a pair of edges that meet: neighbours if they share more than their vertex; or an edge
-    of length 0. first_only: stop at the first; the result then only says whether there is one.
-    Bounding boxes of edges, and of blocks of BLOCK successive edges, rule out most pairs.
+    following (n,): as in this file's text. A fold is a pair of edges that meet: neighbours if they
+    share more than their vertex; or an edge of length 0. first_only: stop at the first; the result
+    then only says whether there is one. Bounding boxes of edges, and of blocks of BLOCK successive
+    edges, rule out most pairs.
     """
     n = len(points)
     count = 0

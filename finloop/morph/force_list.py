@@ -101,7 +101,7 @@ def parse_force(text: str) -> Force:
         if not equals or name not in [field.name for field in others]:
             raise _form_error(text, f"{word!r} is no option of {kind}")
         options[name] = _parse_number(text, value)
-    first = _read_main(text, kind, words[:number])
+    first = _parse_main_value(text, kind, words[:number])
     for name, size in options.items():
         if size < 0 or (size == 0 and name not in _LEAST_ZERO):
             limit = "0 or more" if name in _LEAST_ZERO else "above 0"
@@ -110,7 +110,7 @@ def parse_force(text: str) -> Force:
     return force
 
 
-def _read_main(text: str, kind: str, words: list[str]) -> float | tuple[float, float] | str:
+def _parse_main_value(text: str, kind: str, words: list[str]) -> float | tuple[float, float] | str:
     """Return the first value of a force's text: a number, two, or the id of a shape.
 
     text: the whole force, for messages; words: what stands between commas before the options.

@@ -140,7 +140,7 @@ def _morph_shape(
     """
     is_physical = method == "physical"  # solved at all points, or at those of its own level
     pairs = match_shapes(
-        a, b, points, FULL if is_physical else resolution, pins, strict=method == "fold_free"
+        a, b, points, FULL if is_physical else resolution, pins, needs_regions=method == "fold_free"
     )
     contours = list[tuple[Points, bool]]()
     for first, second, layout in pairs:
@@ -298,7 +298,7 @@ def mix_styles(
 
 
 def _measure_lengths(stack: Points) -> Floats:
-    """Return the length (f,) of a closed contour (f, n, 2) in every frame."""
+    """Return the length (f,) of a closed contour (f, n, 2) in every frame, in its unit."""
     return np.asarray(np.hypot(*(np.roll(stack, -1, axis=1) - stack).T).sum(axis=0))
 
 

@@ -264,7 +264,7 @@ def _box(contours: Sequence[Curve]) -> Points:
 
 
 def _box_area(box: Points) -> Floats:
-    """Return the areas (…) of boxes (…, 2, 2)."""
+    """Return the areas (…) of boxes (…, 2, 2): low x, y, and high x, y; px²."""
     return np.asarray((box[..., 1, :] - box[..., 0, :]).prod(axis=-1))
 
 
@@ -667,5 +667,5 @@ def _find_middle(contours: Sequence[Curve]) -> Points:
 
 
 def _shrink(curve: Curve, middle: Points) -> Curve:
-    """Return a curve shrunk to nearly a point at a centre (2,)."""
+    """Return a curve shrunk to nearly a point, at `middle` (2,) px."""
     return Curve(middle + (curve.points - middle) * POINT, curve.closed)

@@ -73,7 +73,11 @@ def find_pieces(drawing: Drawing) -> DrawingPieces:
 def _piece_at(
     labels: np.ndarray, pixel: np.ndarray, rank: Mapping[int, int], largest: Mapping[int, Points]
 ) -> int:
-    """Return the number of the piece at a pixel (2,), or of the piece around it."""
+    """Return the number of the piece at a pixel (2,), or of the piece around it.
+
+    labels (h, w): label + 1 of the piece that covers each pixel, 0 for none; pixel: x, y; rank:
+    number of each piece, by label; largest: the points (n, 2) of its longest outline, by label.
+    """
     label = int(labels[pixel[1], pixel[0]]) - 1
     if label in rank:
         return rank[label]

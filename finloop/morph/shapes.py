@@ -14,18 +14,19 @@ from finloop.morph.regions import Region, match_regions, pair_regions
 
 def match_shapes(
     a: Sequence[Curve], b: Sequence[Curve], points: int, resolution: Resolution = FULL,
-    pins: Pins | None = None, strict: bool = True,
+    pins: Pins | None = None, needs_regions: bool = True,
 ) -> list[tuple[Points, Points, ContourLayout]]:  # fmt: skip
     """Return the contours of two shapes as corresponding points (n, 2), part by part.
 
-    A part is one contour, or a region: its outer contour and its holes, side by side. strict:
-    whether contours that meet are refused; else they pair in their order, as open ones do.
-    FinloopError if the shapes have not as many separate parts or open contours, or a pin joins
-    contours that do not correspond.
+    A part is one contour, or a region: its outer contour and its holes, side by side. a, b: the
+    contours, px; points: n; resolution: at which they are matched; pins: places that must
+    correspond, px; needs_regions: whether closed contours that form no regions, as those that meet,
+    are refused; else they pair in their order, as open ones do. FinloopError if the shapes have not
+    as many separate parts or open contours, or a pin joins contours that do not correspond.
     """
     pinned = _PinnedContours(a, b, pins)
     matched = list[tuple[Points, Points, ContourLayout]]()
-    for first, second in _pair_parts(a, b, strict):
+    for first, second in _pair_parts(a, b, needs_regions):
         if isinstance(first, Region) and isinstance(second, Region):
             ends = match_regions(first, second, points, resolution, pinned.take)
             layout = ContourLayout((points,) * len(ends[0]))
@@ -39,12 +40,12 @@ def match_shapes(
 
 
 def _pair_parts(
-    a: Sequence[Curve], b: Sequence[Curve], strict: bool
+    a: Sequence[Curve], b: Sequence[Curve], needs_regions: bool
 ) -> list[tuple[Region, Region]] | list[tuple[Curve, Curve]]:
     """Return the parts of two shapes in pairs: regions by place, open contours in their order.
 
-    strict: raise FinloopError if closed contours form no regions that can be paired; else these are
-    paired in their order, too. FinloopError if one shape has more parts than the other.
+    needs_regions: raise FinloopError if closed contours form no regions that can be paired; else
+    these are paired in their order, too. FinloopError if one shape has more parts than the other.
     """
     if max(len(a), len(b)) > 1 and all(curve.closed for curve in (*a, *b)):
         try:
@@ -52,7 +53,7 @@ def _pair_parts(
         except FinloopError as error:
             if len(a) != len(b):
                 raise
-            if strict:  # other methods pair these contours in their order
+            if needs_regions:  # other methods pair these contours in their order
                 do = f"{error.do}; or use the method linear"
                 raise FinloopError(error.came, error.wanted, do) from error
     if len(a) != len(b):

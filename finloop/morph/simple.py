@@ -267,7 +267,8 @@ def _pose_distances(a: Points, b: Points) -> Points:
 def _straight_motion_is_simple(first: Points, second: Points, following: Ints) -> bool:
     """Return whether contours (n, 2) that move straight to others are proved never to meet.
 
-    The motion is tested in PARTS steps.
+    first, second: both ends of the motion; following (n,): as in `folds`. The motion is tested in
+    PARTS steps.
     """
     path = np.empty((PARTS + 1, len(first), 2))
     for k in range(PARTS + 1):

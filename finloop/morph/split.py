@@ -183,7 +183,7 @@ def _is_chord_inside(ends: Points, part: _Part) -> bool:
     end = np.concatenate([np.roll(contour, -1, axis=0) for contour in contours])
 
     def side(a: Points, b: Points, c: Points) -> Floats:
-        """Return a number whose sign says on which side of the line a → b point c lies."""
+        """Return a number (…): > 0 where point c (…, 2) lies right of the line a → b, as seen."""
         return np.asarray(
             (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1])
             - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])

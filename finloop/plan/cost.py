@@ -69,14 +69,13 @@ class Rarity:
         cls, movement: Movement, codes: Floats, goes_on: Mask, filmed_steps: Floats,
         spring_response: Floats, weight: float,
     ) -> "Rarity":  # fmt: skip
-        """Return what each step between the n rows of a film costs, as a `Rarity`: rare ones more.
+        """Return a `Rarity`, which prices steps between film rows, from a film's measured movement.
 
-        movement: body lengths that the body moves from each row to the next, in all and by bending
-        alone; codes (n, c): pose codes; goes_on (n,): whether the next row is the next frame;
-        filmed_steps (n,): Euclidean distance (Eq. 5) from a row's picture to the next, NaN where
-        unknown: the body's movement replaces it there; spring_response (t,): what is left of an
-        offset of 1 after 0, 1 … ticks; weight: a step shown once in n frames costs weight × n
-        ticks.
+        movement: of the body, from each row to the next; codes (n, c): pose codes; goes_on (n,):
+        whether the next row is the next frame; filmed_steps (n,): Euclidean distance (Eq. 5) from a
+        row's picture to the next; where it is NaN, the body's movement is scaled to stand in.
+        spring_response (t,): share left of a pose offset after 0, 1 … ticks; its steepest fall sets
+        `added_step`. weight: a step shown once in n frames costs weight × n ticks.
         """
         pairs = goes_on[:-1]  # of a row and the next one
         whole, bends = (values[pairs] for values in movement)

@@ -38,7 +38,7 @@ PATH_ROWS = Schema(
 """How a fish followed a path, a row a tick: the point of the path nearest to it (asked), and its
 place; its distance from the path (across) and, if the path has times, from the place due at that
 time (late); if it has headings, the heading error; and the corrections of the film's motion."""
-LEFT = Schema(
+DEPARTURES = Schema(
     Column("fish", "int16", "1"),
     Column("mode", "string", "1"),
     *columns("float64", "s", "from_s", "to_s"),
@@ -110,7 +110,7 @@ def path_metrics(
     """Return how well a fish followed its path, as measures by name; {} if there is no tick.
 
     Errors are in body lengths and degrees. followed: columns of `PATH_ROWS`; departures: columns of
-    `LEFT`. Of the corrections, `path_turn_corrected_pct` is the RMS of the turns over Δ, as a
+    `DEPARTURES`. Of the corrections, `path_turn_corrected_pct` is the RMS of the turns over Δ, as a
     percentage of the spread of the film's turns; `path_way_corrected_pct` is the px by which the
     fish was shifted, as a percentage of all px that it covered.
     """
@@ -169,7 +169,7 @@ def swimming_limits(film: MotionGraph, world: FilmWorld) -> SwimmingLimits:
 def find_departures(
     followed: pd.DataFrame, path: Path, world: FilmWorld, limits: SwimmingLimits
 ) -> pd.DataFrame:
-    """Return where a fish left its path by more than `path_max_offset_bl`, columns of `LEFT`.
+    """Return where a fish left its path by more than `path_max_offset_bl`, columns of `DEPARTURES`.
 
     followed: columns of `PATH_ROWS`; limits: of the film's fish. On a path with times, places far
     from the one due at that time count, too. Each row has the cause of the departure.
@@ -189,7 +189,7 @@ def find_departures(
             worst["asked_x_px"], worst["asked_y_px"], distance_bl[first:stop].max(),
             _cause_of_departure(followed.iloc[first], followed.iloc[stop - 1], path, world, limits),
         ))  # fmt: skip
-    return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.pandas_dtypes)
+    return pd.DataFrame(rows, columns=DEPARTURES.names).astype(DEPARTURES.pandas_dtypes)
 
 
 def _cause_of_departure(

@@ -63,16 +63,16 @@ class Planner:
     """Moves fish in mode `matching`.
 
     world: tank and film; film, prediction: motion sources, at least one of them; silhouettes:
-    outlines of all pictures; joins: how pictures are joined; school_rule: how fish swim by zones,
-    None where the film shows none; sprite_rows (s,): the film's row behind each sprite, from which
-    a fish of another mode goes on.
+    outlines of all pictures; join_rules: how pictures are joined; school_rule: how fish swim by
+    zones, None where the film shows none; sprite_rows (s,): the film's row behind each sprite, from
+    which a fish of another mode goes on.
     """
 
     world: FilmWorld
     film: MotionSource | None
     prediction: MotionSource | None
     silhouettes: Silhouettes
-    joins: JoinRules
+    join_rules: JoinRules
     school_rule: SchoolRule | None
     sprite_rows: Ints
 
@@ -87,7 +87,7 @@ class Planner:
         return EditInputs(
             motion.rate_hz, motion.body_length_px, heading_deg=film.heading[filmed],
             scale=film.scale[filmed], goes_on=film.has_next[filmed], sprite_scale=np.ones(1),
-            sprite_after=np.zeros(1, np.int64), orientations=1, joins=self.joins,
+            sprite_after=np.zeros(1, np.int64), orientations=1, join_rules=self.join_rules,
             frame_mode="matching", sprite_mode="matching",
         )  # fmt: skip
 

@@ -271,7 +271,8 @@ def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
     """Begin a branch with each candidate that fits; return the beam, outcomes, and branch count.
 
     A candidate fits if its row is inside the tank, clear of other fish, and the film can play on
-    from it for ever. search: `Search`; most_legs: legs for which the beam has memory.
+    from it for ever. search: `Search`; candidates: `Candidates`; most_legs: legs for which the beam
+    has memory.
     """
     graph, start, most_branches = search.graph, search.start, search.weights.beam
     count, branch_count = candidates.rows.size, 0

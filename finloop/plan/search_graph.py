@@ -67,8 +67,7 @@ def search_graph(
     film = film.keep_jumps_to(run >= weights.stride)
     jumps = np.zeros(len(film.to), JUMP)
     jumps["cost"], jumps["to"] = weights.seam * film.seam, film.to
-    leg = _leg_ticks(film.rows["jump_slot"] >= 0, run, weights.stride)
-    nodes = _make_nodes(film, leg)
+    nodes = _make_nodes(film, _leg_ticks(film.rows["jump_slot"] >= 0, run, weights.stride))
     previews = _make_previews(film.rows, nodes, np.minimum(run, preview_ticks))
     return SearchGraph(film, jumps, bounds, run, nodes, previews)
 
@@ -87,12 +86,16 @@ def _leg_ticks(is_jump_row: Mask, run: Ints, stride: int) -> Ints:
 
 
 @kernel
-def _make_nodes(film: MotionGraph, legs: Ints) -> NDArray[np.void]:
-    """Return what the search reads of each row (n,), of dtype `NODE`; legs (n,): ticks."""
+def _make_nodes(film: MotionGraph, leg_ticks: Ints) -> NDArray[np.void]:
+    """Return a structured array (n,) of dtype `NODE`: what the search reads of each film row.
+
+    leg_ticks (n,): ticks played from each row to the first row with jumps, or to the end of the
+    film (`_leg_ticks`).
+    """
     nodes = np.empty(len(film.rows), NODE)
     for row in range(len(nodes)):
         node, film_row = nodes[row], film.rows[row]
-        heading_rad, node.leg = np.radians(film_row.heading), legs[row]
+        heading_rad, node.leg = np.radians(film_row.heading), leg_ticks[row]
         node.x, node.y, node.heading = film_row.x, film_row.y, film_row.heading
         node.cos, node.sin, node.speed = np.cos(heading_rad), np.sin(heading_rad), film_row.speed
         node.rarity_sum, node.lag_sum = film_row.rarity_sum, film_row.lag_sum

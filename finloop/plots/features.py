@@ -57,7 +57,10 @@ def figure7(features: pd.DataFrame) -> Figure:
 
 
 def draw_trajectories(features: pd.DataFrame, background: Picture) -> Figure:
-    """Draw the paths of at most _MOST_TRACKS tracks over the empty tank, with some headings."""
+    """Draw the paths of at most _MOST_TRACKS tracks over the empty tank, with some headings.
+
+    features: the feature table; background (h, w[, 3]): the empty tank.
+    """
     figure, axes = draw_empty_tank(background, alpha=0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))
     tracks = features["track_id"].unique()

@@ -247,9 +247,10 @@ def _draw_route(axes: Axes, route: Sequence[Leg], ends: Rows, frame: Rows) -> No
 
 
 def _route_title(number: int, route: Sequence[Leg], three: ThreeRoutes, natural_step: float) -> str:
-    """Return the title of a route: its letters, number of frames, and the distances of its jumps.
+    """Return a route's title: case number, letters of its ends, frames played, and jump distances.
 
-    number: of the case, from 1. natural_step: the unit of the distances.
+    number: of the case in the figure, from 1. three: the loops, with their distances, and the ends
+    that letters name. natural_step: the unit of the distances.
     """
     jumps = jump_legs(route)
     frames = sum(stop - start for start, stop, kind in route if kind == PLAY)

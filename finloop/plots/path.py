@@ -16,8 +16,8 @@ def draw_path(paths: pd.DataFrame, departures: pd.DataFrame, background: Picture
     """Draw the requested path and each mode's path over the tank; on the right, errors over time.
 
     Rings mark where a fish left its path. paths: columns of `path_measures.PATH_ROWS`, among them
-    across and late, the errors in body lengths. departures: columns of `path_measures.LEFT`, a row
-    for each part of the path that a fish left. background (h, w): the empty tank.
+    across and late, the errors in body lengths. departures: columns of `path_measures.DEPARTURES`,
+    a row for each part of the path that a fish left. background (h, w): the empty tank.
     """
     height, width = background.shape[:2]
     modes = dict(iter(paths.groupby("mode", sort=False)))

@@ -75,14 +75,14 @@ class Pose:
 
     def backbone_px(self) -> Points:
         """Return the backbone's n + 1 points (…, n + 1, 2), from head to tail: x, y in px."""
-        angles = backbone_bends(self.posture) + self.heading_rad[..., None]
+        angles = backbone_directions(self.posture) + self.heading_rad[..., None]
         # The angles point to the head, the steps to the tail; y is down.
         steps = np.stack([-np.cos(angles), np.sin(angles)], -1) * self.steps_px[..., None]
         head = self.head_px[..., None, :]
         return np.concatenate([head, head + steps.cumsum(-2)], -2)
 
 
-def backbone_bends(posture: Floats) -> Floats:
+def backbone_directions(posture: Floats) -> Floats:
     """Return the direction (…, n) of each backbone step in postures, radians from the heading.
 
     They point towards the head and count from the heading, + = to the animal's left. The result is
@@ -100,7 +100,7 @@ def mirror_posture(posture: Floats) -> Floats:
     """Return postures (…, 2 + 2 n) with left and right exchanged, as a copy."""
     mirrored = posture.copy()
     mirrored[..., _LEFT] *= -1
-    backbone_bends(mirrored)[...] *= -1  # a view
+    backbone_directions(mirrored)[...] *= -1  # a view
     return mirrored
 
 

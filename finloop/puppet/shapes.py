@@ -14,7 +14,7 @@ import scipy
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread_rows
-from finloop.puppet.pose import backbone_bends, backbone_steps, mirror_posture
+from finloop.puppet.pose import backbone_directions, backbone_steps, mirror_posture
 
 _SAMPLE = 50_000  # postures whose nearest neighbours are searched; that suffices for a quantile
 _EXACT = 1e-5  # accuracy of codes, which files hold as float32
@@ -138,8 +138,8 @@ def _posture_weights(numbers: int) -> Floats:
     counts by the mean square of its share of that.
     """
     weights = np.ones(numbers)
-    steps = backbone_bends(weights).size
-    backbone_bends(weights)[:] = steps**-0.5  # both are views into the weights
+    steps = backbone_directions(weights).size
+    backbone_directions(weights)[:] = steps**-0.5  # both are views into the weights
     backbone_steps(weights)[:] = steps**0.5
     return weights
 

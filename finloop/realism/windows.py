@@ -77,8 +77,8 @@ class Blocks(NamedTuple):
 def equal_blocks(time_s: Floats, count: int, repeats: int = 1) -> Blocks:
     """Divide time into `count` blocks that contain equally many of n times in s.
 
-    repeats: how often the sequence of blocks is repeated, each time with further stretches of time.
-    The first and the last stretch have no outer end.
+    time_s (n,): the times, in any order; repeats: how often the sequence of blocks is repeated,
+    each time with further stretches of time. The first and the last stretch have no outer end.
     """
     edges = np.quantile(time_s, np.linspace(0, 1, repeats * count + 1))
     edges[[0, -1]] = -np.inf, np.inf

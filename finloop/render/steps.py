@@ -25,9 +25,11 @@ class FrameChangeMeter:
         self._last: tuple[Box, NDArray[np.uint8]] | None = None
 
     def measure_change(self, box: Box) -> float:
-        """Return how much the canvas has changed since the last call; NaN at the first call.
+        """Return the Euclidean distance of the canvas from that of the last call; NaN at the first.
 
-        box: encloses all that is drawn now; outside of it the canvas shows the empty floor.
+        It is in grey levels: the root of the sum over all pixels, of the mean over channels of the
+        squared change. box: encloses all that is drawn now; outside of it the canvas shows the
+        empty floor.
         """
         canvas, last = self._painter.canvas, self._last
         self._last = box, canvas[box.slices].copy()

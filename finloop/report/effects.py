@@ -187,10 +187,10 @@ def _measure_effect(
 
 
 def _describe_effect(effect: Effect, good: str, number_count: int) -> str:
-    """Return the verdict on an effect, such as "best from 0.5 on" or "rises from 1 to 3".
+    """Return how a measure depends on a parameter: "best from 0.5 on", "rises from 1 to 3".
 
-    good: HIGHER or LOWER where that is better, else "". number_count: how many of the parameter's
-    values are numbers; these come first and rise.
+    good: HIGHER, LOWER, or "" if neither is better. number_count: the first so many values of the
+    parameter are numbers, rising; the others are words.
     """
     if effect.best.all():
         return NO_EFFECT

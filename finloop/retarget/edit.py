@@ -40,37 +40,37 @@ class RowSequence:
         return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
-def shown_pose_codes(sources: RowSequence, joins: JoinRules) -> Floats:
+def shown_pose_codes(sources: RowSequence, rules: JoinRules) -> Floats:
     """Return the pose codes (T, c) that are drawn at each tick, with joins at jumps.
 
-    sources: the row shown at each of T ticks. joins: how jumps are drawn. If its kind is INERTIAL,
+    sources: the row shown at each of T ticks. rules: how jumps are drawn. If its kind is INERTIAL,
     the difference between the postures before and after a jump dies away over the next ticks.
     """
-    bodies, any_heading_deg = joins.bodies, np.zeros(len(sources.row))  # codes do not depend on it
+    bodies, any_heading_deg = rules.bodies, np.zeros(len(sources.row))  # codes do not depend on it
     shown = sources.to_pictures(any_heading_deg, bodies)
     drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rotation_deg, shown.mirrored)
     codes = bodies.codes(drawn)
-    if joins.kind != INERTIAL:
+    if rules.kind != INERTIAL:
         return codes
-    states = inertialize_pictures(shown, any_heading_deg, joins)
+    states = inertialize_pictures(shown, any_heading_deg, rules)
     # `posed`: the ticks soon after a jump, whose pose is changed.
     return np.where(states.posed[:, None], states.codes, codes)
 
 
 def build_edit_list(
-    sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, joins: JoinRules, rate_hz: float
+    sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, rules: JoinRules, rate_hz: float
 ) -> pd.DataFrame:
     """Return the edit list of a retargeted track: what is drawn at every tick.
 
     sources: the shown rows; pose (T): as drawn; codes (T, c): of these poses; scale (n,): at which
-    each film row is drawn; joins: how jumps are drawn; rate_hz: ticks per second.
+    each film row is drawn; rules: how jumps are drawn; rate_hz: ticks per second.
     """
-    ticks, bodies = len(sources.row), joins.bodies
+    ticks, bodies = len(sources.row), rules.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))
     shown = sources.to_pictures(heading, bodies)
     # The frames that fade out play on, and stay at the end of their track.
     partner, weight = cross_fade_partners(
-        shown, _find_fades(shown, sources.switch, joins), joins.fade,
+        shown, _find_fades(shown, sources.switch, rules), rules.fade,
         following=lambda _, row: row + int(bodies.goes_on[row]),
     )  # fmt: skip
     fades = weight > 0
@@ -109,14 +109,14 @@ def build_edit_list(
     return table.reindex(columns=EDIT.names).astype(EDIT.pandas_dtypes)
 
 
-def _find_fades(shown: PictureSequence, jumps: Ints, joins: JoinRules) -> Ints:
+def _find_fades(shown: PictureSequence, jumps: Ints, rules: JoinRules) -> Ints:
     """Return the ticks (m,) of those jumps at which light and skin are cross-faded.
 
     Left out are the jumps to a near frame of the same track, which looks the same.
     """
     if not len(jumps):
         return jumps
-    bodies = joins.bodies
+    bodies = rules.bodies
     drawn = bodies.picture_bodies(shown.frame, shown.number, shown.rotation_deg, shown.mirrored)
     due = bodies.next_body(drawn.select(jumps - 1))  # what would follow without the jump
-    return jumps[~bodies.are_near_in_film(due, drawn.select(jumps), joins.fade)]
+    return jumps[~bodies.are_near_in_film(due, drawn.select(jumps), rules.fade)]

@@ -85,11 +85,12 @@ class Retargeted(NamedTuple):
 class JoinParameters(NamedTuple):
     """Parameters of the groups `jumps` and `animate`: how rows are compared and joined.
 
-    join: the kind of transition, a cut, a cross-fade or inertialization.
+    weights: of motion and looks, beside the pose; times: of a cross-fade and of inertialization, in
+    Δ; join: the kind of transition, a cut, a cross-fade or inertialization.
     """
 
     weights: Weights
-    joins: JoinTimes
+    times: JoinTimes
     join: str
 
 
@@ -124,10 +125,10 @@ def retarget_track(
     if track.rows is not None and not p.allow_own_frames:
         rows = rows.exclude_rows(track.rows)
     delta = infer_delta_frames(reel.features)
-    joins = resolve_join_rules(others.joins, others.join, film.bodies, delta)
-    sources, placed = _choose_rows_and_move_into_tank(placed, rows, joins, film, p)
+    rules = resolve_join_rules(others.times, others.join, film.bodies, delta)
+    sources, placed = _choose_rows_and_move_into_tank(placed, rows, rules, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
-    edit = build_edit_list(sources, placed.pose, placed.codes, drawn_scale, joins, film.rate_hz)
+    edit = build_edit_list(sources, placed.pose, placed.codes, drawn_scale, rules, film.rate_hz)
     asked = _requested_motion_table(motion, placed, sources)
     outside = find_points_outside(placed.pose.backbone_px(), film.arena)
     stays = np.diff(np.concatenate([[0], sources.switch, [len(edit)]])) / film.rate_hz
@@ -224,7 +225,7 @@ def _fit_track_to_fish(
 
 
 def _choose_rows_and_move_into_tank(
-    track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
+    track: _PlacedTrack, rows: FilmRows, rules: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
     """Return the film rows that show a track best, and the track moved into the tank.
 
@@ -234,11 +235,11 @@ def _choose_rows_and_move_into_tank(
     if track.has_postures:
         track = track.shift(*track.offsets_into_tank(film, p))
         return _choose_rows(track, rows, film, p), track
-    sources, postured = _choose_rows_without_postures(track, rows, joins, film, p)
+    sources, postured = _choose_rows_without_postures(track, rows, rules, film, p)
     offset, factor = postured.offsets_into_tank(film, p)
     if factor < 1:
         track = track.shift(offset, factor)
-        sources, postured = _choose_rows_without_postures(track, rows, joins, film, p)
+        sources, postured = _choose_rows_without_postures(track, rows, rules, film, p)
         offset, factor = postured.offsets_into_tank(film, p)
     return sources, postured.shift(offset, factor)
 
@@ -258,7 +259,7 @@ def _choose_rows(
 
 
 def _choose_rows_without_postures(
-    track: _PlacedTrack, rows: FilmRows, joins: JoinRules, film: RetargetData, p: RetargetSettings
+    track: _PlacedTrack, rows: FilmRows, rules: JoinRules, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _PlacedTrack]:
     """Return the film rows that move most like a track, and the track with their postures.
 
@@ -266,7 +267,7 @@ def _choose_rows_without_postures(
     """
     sources = _choose_rows(track, rows, film, p)
     heading = np.unwrap(track.pose.heading_rad)
-    codes = shown_pose_codes(sources, joins)
+    codes = shown_pose_codes(sources, rules)
     postures = film.poses.shapes.decode(codes)
     # From two or more points the heading follows; a single one shows none.
     known_heading = heading if len(track.along) == 1 else None

@@ -18,7 +18,7 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Mask, Points
 from finloop.puppet import Pose, PoseShapes
-from finloop.puppet.pose import backbone_bends, backbone_steps
+from finloop.puppet.pose import backbone_directions, backbone_steps
 
 _ROUNDS = 4  # of bends relative to a heading, then the heading of the resulting posture
 _FLOOR = 1e-9  # of the total variance: least noise, where the shapes leave none
@@ -87,10 +87,10 @@ def most_likely_codes(directions: Floats, along: Floats, shapes: PoseShapes) -> 
     Probabilistic principal components (Tipping and Bishop 1999): codes c minimise
     |deviations − components c|² / noise + Σ c² / variance.
     """
-    bend_count = backbone_bends(shapes.mean).size
+    bend_count = backbone_directions(shapes.mean).size
     first = round(along[0] * bend_count)
     is_given = np.zeros(len(shapes.mean), bool)  # of the numbers of a posture, among them bends
-    backbone_bends(is_given)[first : first + directions.shape[1]] = True  # changes `is_given`
+    backbone_directions(is_given)[first : first + directions.shape[1]] = True  # changes `is_given`
     deviations = (directions - shapes.mean[is_given]) * shapes.weights[is_given]
     components = shapes.shapes[:, is_given]
     # The noise is the variance that the shapes leave, spread over the numbers that they leave free.

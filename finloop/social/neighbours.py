@@ -50,11 +50,12 @@ def all_neighbours(place: Complex, heading: Complex) -> Neighbours:
 def relative_neighbours(
     place: Complex, heading: Complex, other_place: Complex, other_heading: Complex
 ) -> Neighbours:
-    """Return distance, bearing and heading of other fish, relative to the body of each fish.
+    """Return distance (BL), bearing and heading (unit vectors) of others, seen from each fish.
 
-    Places are complex in body lengths, headings complex unit vectors, of other fish NaN where
-    absent: in the result their distance is inf, bearing and heading are 0. All four arrays are
-    broadcast against each other.
+    All but distances are complex. In the result real is ahead, imaginary is left; an absent fish
+    has distance inf, bearing and heading 0j. Places are in body lengths, NaN of an absent fish, and
+    headings unit vectors, both as this file's text says. All four arrays are broadcast against each
+    other.
     """
     offset = (other_place - place) * heading.conj()  # real: ahead, imaginary: left
     distance = np.abs(offset)

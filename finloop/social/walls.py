@@ -36,7 +36,7 @@ class Walls:
         return np.asarray(slope / np.where(size > 0, size, 1), complex)
 
     def wall_distance(self, place: Complex) -> Floats:
-        """Return the distance (…) of places (…) from the wall, in BL, at the nearest pixels."""
+        """Return the distance (…) [BL] of complex places (…) from the wall, by nearest pixels."""
         return self._values_at_places(self.distances_from_wall, place)
 
     def vectors_from_wall(self, place: Complex, heading: Complex) -> Complex:

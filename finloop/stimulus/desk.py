@@ -96,9 +96,9 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
         status |= {
             "demands": list(list_requirements(session.protocol)),
             "calibrated": session.protocol.display.calibrated, "gap_s": session.animals.gap_s,
-            "mm_per_px": session.scene.mm_per_px, "protocol": session.protocol.name,
+            "mm_per_px": session.context.mm_per_px, "protocol": session.protocol.name,
             "seed": session.protocol.seed, "file": session.name,
-            "tank": [session.scene.tank.width, session.scene.tank.height], "link": session.link,
+            "tank": [session.context.tank.width, session.context.tank.height], "link": session.link,
             "trials": [[trial.number, trial.block, trial.repeat, trial.condition, trial.seconds]
                        for trial in session.trials],
         }  # fmt: skip

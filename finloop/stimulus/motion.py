@@ -1,7 +1,7 @@
 """The motion of one trial: planned beforehand, or tick by tick where fish react to live animals.
 
 Motions are arrays (ticks, fish, fields) of states as the display draws them (DRAWN). The same
-scene, condition, seed and messages, in the same order and with the same times, give the same
+context, condition, seed and messages, in the same order and with the same times, give the same
 states: nothing here reads a clock.
 """
 
@@ -166,7 +166,7 @@ def fade_opacities(count: int, fade_ticks: int) -> NDArray[np.float32]:
 
 
 def plan_motion(
-    scene: TrialContext, setup: TrialSetup, motions: Mapping[str, States] | None = None
+    context: TrialContext, setup: TrialSetup, motions: Mapping[str, States] | None = None
 ) -> States:
     """Return the planned motion (ticks, fish, fields) of a trial that ignores live animals.
 
@@ -175,26 +175,26 @@ def plan_motion(
     state is held. FinloopError if fish cannot follow a path, or the tank has no room for them.
     """
     condition = setup.condition
-    motion, ticks = condition.motion, scene.count_ticks(condition.seconds)
+    motion, ticks = condition.motion, context.count_ticks(condition.seconds)
     if motion.again is not None:
         states = apply_change((motions or {})[motion.again], condition.change, ticks)
         held = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
         return np.concatenate([states, held])[:ticks]
-    tank, world = _create_trial_tank(scene, setup), scene.world
+    tank, world = _create_trial_tank(context, setup), context.world
     if motion.path is not None:
         line = load_line(motion.file, TANK)._replace(time_s=None)  # at the fish's own speed
-        route = lay_path(line, world.tank, world.motion, scene.mm_per_px).route
+        route = lay_path(line, world.tank, world.motion, context.mm_per_px).route
         for fish in tank.fish:
             fish.follow_path(route)
     elif motion.company:
         tank.swim_in_group(fish_index=None)  # all fish
     goals = motion.goals or (() if motion.goal is None else (motion.goal,))
-    planned = _swim_to_goals(tank, scene, goals, count_ticks_to_plan(condition.change, ticks))
+    planned = _swim_to_goals(tank, context, goals, count_ticks_to_plan(condition.change, ticks))
     return apply_change(planned, condition.change, ticks)
 
 
 def _swim_to_goals(
-    tank: LiveTank, scene: TrialContext, goals: Sequence[Sequence[float]], ticks: int
+    tank: LiveTank, context: TrialContext, goals: Sequence[Sequence[float]], ticks: int
 ) -> States:
     """Let the fish of a tank swim for `ticks` ticks; return their states (ticks, fish, fields).
 
@@ -202,20 +202,22 @@ def _swim_to_goals(
     picture.
     """
     goals_given = [0] * len(tank.fish)  # how many each fish has got
-    states = [_current_states(tank, scene)]
+    states = [_current_states(tank, context)]
     for _ in range(ticks - 1):
         for number, fish in enumerate(tank.fish):
             given = goals_given[number]
             if given < len(goals) and (fish.reached or given == 0):
                 x, y = goals[given]
-                tank.send_to_goal(number, x * (scene.tank.width - 1), y * (scene.tank.height - 1))
+                tank.send_to_goal(
+                    number, x * (context.tank.width - 1), y * (context.tank.height - 1)
+                )
                 goals_given[number] += 1
         tank.advance()
-        states.append(_current_states(tank, scene))
+        states.append(_current_states(tank, context))
     return np.stack(states)
 
 
-def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:
+def plan_all_trials(context: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:
     """Return the planned states (ticks, fish, fields) of all trials and pauses, in order.
 
     They are for a page that plays by itself. FinloopError if fish react to live animals in a trial.
@@ -230,27 +232,27 @@ def plan_all_trials(scene: TrialContext, protocol: Protocol, trials: Sequence[Tr
                 "motions that are known beforehand, for a page that plays by itself",
                 'run it with `make stimulus S="show …"`, or leave this condition out',
             )
-        states = motions[trial.condition] = plan_motion(scene, setup, motions)
-        pause = np.zeros((round(protocol.pause_s * scene.rate_hz), *states.shape[1:]), np.float32)
+        states = motions[trial.condition] = plan_motion(context, setup, motions)
+        pause = np.zeros((round(protocol.pause_s * context.rate_hz), *states.shape[1:]), np.float32)
         pause[..., [PICTURE, PARTNER]] = -1  # no fish is shown
-        parts += [setup.apply_look_and_fade(states, scene.rate_hz), pause]
+        parts += [setup.apply_look_and_fade(states, context.rate_hz), pause]
     return np.concatenate(parts)
 
 
-def warm_up_stimulus(scene: TrialContext) -> None:
+def warm_up_stimulus(context: TrialContext) -> None:
     """Let a fish swim unseen for 200 ticks, so that no trial waits for functions to be compiled."""
-    tank, rng = LiveTank({MODE: scene.player}, MODE, fish=1, seed=0), np.random.default_rng(0)
+    tank, rng = LiveTank({MODE: context.player}, MODE, fish=1, seed=0), np.random.default_rng(0)
     for _ in range(_WARM_UP_TICKS):
         tank.advance()
-        x, y = rng.uniform(0, scene.tank.width), rng.uniform(0, scene.tank.height)
+        x, y = rng.uniform(0, context.tank.width), rng.uniform(0, context.tank.height)
         tank.send_to_goal(0, float(x), float(y))
         tank.redo_last_tick(0)
-        _current_states(tank, scene)
+        _current_states(tank, context)
 
 
-def _create_trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
+def _create_trial_tank(context: TrialContext, setup: TrialSetup) -> LiveTank:
     """Return a live tank with the fish of a trial at its first tick; FinloopError without room."""
-    tank = LiveTank({MODE: scene.player}, MODE, setup.fish, setup.seed)
+    tank = LiveTank({MODE: context.player}, MODE, setup.fish, setup.seed)
     if len(tank.fish) < setup.fish:
         raise FinloopError(
             f"the tank has room for {len(tank.fish)} fish, and the protocol shows {setup.fish}",
@@ -260,10 +262,10 @@ def _create_trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
     return tank
 
 
-def _current_states(tank: LiveTank, scene: TrialContext) -> States:
+def _current_states(tank: LiveTank, context: TrialContext) -> States:
     """Return the states (fish, fields) from which a page draws a tank's fish at its last tick."""
     rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
-    return drawn_states(rows, scene.bodies)
+    return drawn_states(rows, context.bodies)
 
 
 # --- motions that react
@@ -273,7 +275,7 @@ class ReactiveMotion:
     """The motion of a trial in which fish react to live animals, planned tick by tick."""
 
     def __init__(
-        self, scene: TrialContext, setup: TrialSetup, animals: LiveAnimals, keep_all: bool = True
+        self, context: TrialContext, setup: TrialSetup, animals: LiveAnimals, keep_all: bool = True
     ) -> None:
         """Put the fish of a trial into a tank; the first tick is not planned yet.
 
@@ -282,11 +284,11 @@ class ReactiveMotion:
         """
         rule = setup.condition.motion.rule
         assert rule is not None
-        self._scene, self._setup, self._animals, self._rule = scene, setup, animals, rule
-        self._tank = _create_trial_tank(scene, setup)
+        self._context, self._setup, self._animals, self._rule = context, setup, animals, rule
+        self._tank = _create_trial_tank(context, setup)
         self._targets: list[PlacePx | None] = [None] * len(self._tank.fish)
-        fade = round(setup.fade_s * scene.rate_hz)
-        self._opacities = fade_opacities(scene.count_ticks(setup.condition.seconds), fade)
+        fade = round(setup.fade_s * context.rate_hz)
+        self._opacities = fade_opacities(context.count_ticks(setup.condition.seconds), fade)
         self._states: list[States] = []
         self._keep_all = keep_all
 
@@ -329,13 +331,13 @@ class ReactiveMotion:
         reached it and is now over `rule.renew` + 1 body lengths away. A fish without a target
         wanders. now_s: session time.
         """
-        renewed, length_px = [], self._scene.length_px
+        renewed, length_px = [], self._context.length_px
         renew_px = self._rule.renew * length_px
         for number, fish in enumerate(self._tank.fish):
             row = fish.row_at(self._tank.tick)
             assert row is not None
             pose = row.x_px, row.y_px, float(np.radians(row.heading_deg))
-            target = find_rule_target(self._rule, pose, self._animals, now_s, self._scene.tank)
+            target = find_rule_target(self._rule, pose, self._animals, now_s, self._context.tank)
             old = self._targets[number]
             if target is None or old is None:
                 is_new = target is not old  # unless both are None
@@ -355,7 +357,7 @@ class ReactiveMotion:
 
     def _states_with_look(self) -> States:
         """Return the last tick's states (fish, fields) with the trial's look and its opacity."""
-        states = _current_states(self._tank, self._scene)
+        states = _current_states(self._tank, self._context)
         states[:, LOOK] = self._setup.look
         states[:, ALPHA] *= self._opacities[self._tank.tick]
         return states

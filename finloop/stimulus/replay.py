@@ -132,13 +132,15 @@ class ReplanResult(NamedTuple):
     different: int
 
 
-def replan_session(record: SessionRecord, scene: TrialContext, protocol: Protocol) -> ReplanResult:
+def replan_session(
+    record: SessionRecord, context: TrialContext, protocol: Protocol
+) -> ReplanResult:
     """Plan a session again from its logged inputs; return its ticks, and how many differ.
 
-    scene: what all its trials share, of the same film and parameters; protocol: the one in the
+    context: what all its trials share, of the same film and parameters; protocol: the one in the
     session's header.
     """
-    planner = _SessionPlanner(scene, protocol)
+    planner = _SessionPlanner(context, protocol)
     ticks = different = 0
     for row in record.read_rows("trial", "tick", "input"):
         match row["kind"]:
@@ -156,10 +158,10 @@ def replan_session(record: SessionRecord, scene: TrialContext, protocol: Protoco
 class _SessionPlanner:
     """Planner of a logged session: it is given the log's rows in order, and plans the ticks."""
 
-    def __init__(self, scene: TrialContext, protocol: Protocol) -> None:
+    def __init__(self, context: TrialContext, protocol: Protocol) -> None:
         """Begin without a trial and without animals."""
-        self._scene, self._protocol = scene, protocol
-        self._animals = LiveAnimals(protocol.animals, scene.tank, scene.mm_per_px)
+        self._context, self._protocol = context, protocol
+        self._animals = LiveAnimals(protocol.animals, context.tank, context.mm_per_px)
         self._motions: dict[str, States] = {}  # of the latest trial of each condition
         # Of the present trial: its states if they are known beforehand, or the fish that react.
         self._known: States | None = None
@@ -176,11 +178,11 @@ class _SessionPlanner:
             setup = TrialSetup.from_protocol(self._protocol, trial)
             self._reaction = self._known = None
             if setup.condition.motion.rule is not None:
-                self._reaction = ReactiveMotion(self._scene, setup, self._animals)
+                self._reaction = ReactiveMotion(self._context, setup, self._animals)
                 return
-            motion = plan_motion(self._scene, setup, self._motions)
+            motion = plan_motion(self._context, setup, self._motions)
             self._motions[trial.condition] = motion
-            self._known = setup.apply_look_and_fade(motion, self._scene.rate_hz)
+            self._known = setup.apply_look_and_fade(motion, self._context.rate_hz)
         elif self._reaction is not None:
             if (states := self._reaction.planned_states) is not None:
                 self._motions[facts["condition"]] = states

@@ -86,7 +86,7 @@ class Session:
     """A session: it plans, sends and logs the ticks of all trials, and handles all inputs."""
 
     def __init__(
-        self, scene: TrialContext, protocol: Protocol, trials: tuple[Trial, ...], feed: Feed,
+        self, context: TrialContext, protocol: Protocol, trials: tuple[Trial, ...], feed: Feed,
         log: Log, clock: RealClock | DryClock,
     ) -> None:  # fmt: skip
         """Prepare a session; `run_trials` runs it as soon as `start` is called.
@@ -94,9 +94,9 @@ class Session:
         trials: in order; feed: makes the messages to display pages; clock: a `DryClock` for a
         session without a display.
         """
-        self.scene, self.protocol, self.trials = scene, protocol, trials
+        self.context, self.protocol, self.trials = context, protocol, trials
         self.feed, self.log, self.clock = feed, log, clock
-        self.animals = LiveAnimals(protocol.animals, scene.tank, scene.mm_per_px)
+        self.animals = LiveAnimals(protocol.animals, context.tank, context.mm_per_px)
         self.counts = SessionCounts()
         self._send: Callable[[bytes], None] = lambda content: None
         self._send_trigger: Callable[[str, str], str | None] = lambda to, text: None
@@ -203,7 +203,7 @@ class Session:
         if states is not None:
             now_s = self.clock.read_time()
             self._send_tick(self._tick, self._due_s, states, now_s, replanned=True)
-            tick_before_s = self._due_s - 1 / self.scene.rate_hz
+            tick_before_s = self._due_s - 1 / self.context.rate_hz
             self._undrawn_reactions[self._seq] = _UndrawnReaction(arrived_s, tick_before_s)
             self.counts.planned_ms.append(1e3 * (now_s - arrived_s))
 
@@ -216,7 +216,7 @@ class Session:
         it. An invalid message of the page is counted as bad.
         """
         try:
-            frames = parse_frame_records(message, self.scene.width)
+            frames = parse_frame_records(message, self.context.width)
         except ValueError:
             self.counts.bad += 1
             return
@@ -330,11 +330,11 @@ class Session:
             self.report_event("left out, as no trial was shown of", condition=motion.again)
             self._skip = True
             return None
-        states = await asyncio.to_thread(plan_motion, self.scene, setup, self._motions)
+        states = await asyncio.to_thread(plan_motion, self.context, setup, self._motions)
         if trial.condition in self._repeated:
             self._motions[trial.condition] = states
-        shown = setup.apply_look_and_fade(states, self.scene.rate_hz)
-        for content in self.feed.picture_messages(shown[: self.scene.count_ticks(EARLY_S)]):
+        shown = setup.apply_look_and_fade(states, self.context.rate_hz)
+        for content in self.feed.picture_messages(shown[: self.context.count_ticks(EARLY_S)]):
             self._send(content)  # before the trial begins
         return shown
 
@@ -363,15 +363,15 @@ class Session:
         planned: the states (ticks, fish, fields) if known beforehand; None if fish react.
         """
         # When the trial begins and ends, and who plans its ticks.
-        self.phase, rate = "running", self.scene.rate_hz
+        self.phase, rate = "running", self.context.rate_hz
         begin_s = self.clock.read_time() + _FIRST_S
-        ticks = self.scene.count_ticks(setup.condition.seconds)
+        ticks = self.context.count_ticks(setup.condition.seconds)
         self._trial_end_s = begin_s + ticks / rate
         early_s = self._lead_time_s(planned is not None)
         keeps = trial.condition in self._repeated  # the motion, for a condition that repeats it
         reaction = None
         if planned is None:
-            reaction = ReactiveMotion(self.scene, setup, self.animals, keeps)
+            reaction = ReactiveMotion(self.context, setup, self.animals, keeps)
         self._reaction = reaction
         # Plan and send each tick, some time before it is due.
         for tick in range(ticks):
@@ -402,7 +402,7 @@ class Session:
 
         is_planned: whether its motion is known beforehand.
         """
-        tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
+        tick_s = 1 / self.context.rate_hz  # the page interpolates from the tick before
         return EARLY_S if is_planned else tick_s + min(_MOST_LEAD_S, _LEAD_TICKS * tick_s)
 
     async def _wait_until(self, time_s: float) -> None:

@@ -210,7 +210,7 @@ def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) ->
 
 
 def _are_points_sufficient(points: Floats) -> bool:
-    """Return whether points (n, 2) suffice to fit a calibration.
+    """Return whether points (n, 2), n ≥ 2, suffice to fit a calibration.
 
     Two must differ. Three must not lie on one line. Of four or more, some four must have no three
     on one line.

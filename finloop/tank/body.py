@@ -130,7 +130,8 @@ def fish_surfaces(
 def limit_half_widths(half_width: Reals, backbone: Reals, typical: Reals) -> Reals:
     """Return half widths (n, p), px, limited to ±20 % around the typical ones: without fins.
 
-    typical (p,): the animal's median half widths, in body lengths.
+    half_width (n, p): px, as filmed; backbone (n, p, 2): px; typical (p,): the animal's median half
+    widths, in body lengths.
     """
     typical_px = typical * arc_lengths(backbone)[:, None]
     return np.clip(half_width, (1 - _NEAR) * typical_px, (1 + _NEAR) * typical_px)

@@ -63,7 +63,7 @@ def save_matching_tables(
         departures.append(departed.assign(fish=fish))
     for name, parts, schema in (
         ("path", tables, path_measures.PATH_ROWS),
-        ("left", departures, path_measures.LEFT),
+        ("left", departures, path_measures.DEPARTURES),
     ):
         save_table(folder / f"{name}.parquet", pd.concat(parts, ignore_index=True), schema)
     return average_measures(numbers) | clearance

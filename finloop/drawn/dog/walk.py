@@ -91,9 +91,10 @@ def is_swinging(name: str, phase: Floats) -> Mask:
 
 
 def half_cycle_progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return the share (0-1) of a limb's swing, or of its time on the ground, that is over.
+    """Return how much of the current swing, or of the time on the ground, a limb has done, 0 to 1.
 
-    name: one of NAMES; phase: in cycles, an array of any shape. γ makes the progress uneven.
+    Halves begin at phase 0 and ½. name: of the limb, one of NAMES; phase: in cycles, an array of
+    any shape. A swing's progress is uneven by the limb's γ (`foot_gammas`).
     """
     # Subcycles are quarters of the cycle; two of them are a swing, two a time on the ground.
     quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
