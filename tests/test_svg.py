@@ -705,6 +705,38 @@ def test_what_is_not_used_or_does_nothing_is_not_refused(tmp_path):
     assert list(load(tmp_path, body).curves) == ["seen", "bare"]
 
 
+@pytest.mark.parametrize(
+    ("rect", "is_artboard"),
+    [
+        ('width="100" height="100" style="fill:none"', True),  # Illustrator
+        ('width="101" height="100" fill="none" transform="scale(0.992 0.998)"', True),  # Affinity
+        ('width="100" height="98" fill="none"', False),
+        ('width="100" height="100" fill="white"', False),
+        ('width="100" height="100" rx="9" fill="none"', False),
+        ('width="100" height="100" fill="none" stroke="black"', False),
+    ],
+)
+def test_an_artboard_is_no_shape(tmp_path, rect, is_artboard):
+    """It would be a black frame, or hide the picture, where the other drawing paints its partner."""
+    board = f'<g id="Artboard1"><rect x="0" y="0" {rect}/></g>'
+    drawing = load(tmp_path, f'<path id="seen" d="M1 1H9V9z"/>{board}')
+    assert list(drawing.curves) == ["seen", *["Artboard1"] * (not is_artboard)]
+    assert list(load(tmp_path, board).curves) == ["Artboard1"]  # the only shape
+
+
+def test_what_inkscape_names_by_itself_goes_by_its_label(tmp_path):
+    p = 'd="M0 0H9V9z"'
+    drawing = load(
+        tmp_path,
+        f'<g id="layer1" inkscape:label="dog"><g id="g12" inkscape:label="fore_left"><path id="path3"'
+        f' inkscape:label="paw" {p}/><path id="path4-2" {p}/></g><path id="path9" inkscape:label="paw"'
+        f' {p}/><path id="ear" inkscape:label="left ear" {p}/></g>',
+        'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" width="9" height="9"',
+    )
+    assert list(drawing.curves) == ["paw", "path4-2", "paw-2", "ear"]
+    assert drawing.groups["paw"] == drawing.groups["path4-2"] == ("fore_left", "dog")
+
+
 def test_groups_are_known_by_their_ids(tmp_path):
     p = 'd="M0 0H9V9z"'
     drawing = load(

@@ -46,6 +46,7 @@ from finloop.io.svg_style import (
 FLATNESS = 1e-4  # share of the larger side of the drawing
 MOST_CONTOURS = 1000
 CUT = 0.01  # share of a nested viewport that a shape may reach beyond it and count as whole
+SHORT = 0.01  # share of the picture that an artboard may leave uncovered at each side
 
 _GROUPS = ("svg", "g", "a")
 _SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
@@ -86,6 +87,10 @@ _MOVES = ("translate", "rotate", "scale", "transform")  # in the order in which 
 _MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 _RECT = ("x", "y", "width", "height")
 _NO_IDLE_CLIP = {"transform", "clipPathUnits", "rx", "ry"}
+_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
+_INKSCAPE_ID = re.compile(
+    r"(?:layer|g|use|path|rect|circle|ellipse|line|polyline|polygon|spiral|star)[-\d]+"
+)
 _TRANSFORM = re.compile(
     r"[\s,]*+(?:(?:matrix|translate[XY]?|scale[XY]?|rotate|skew[XY]?)\s*+"
     r"\(\s*+(?:[-+.\d][^\s,()]*+[\s,]*+)*+\)[\s,]*+)*+"
@@ -143,8 +148,9 @@ class _Document:
 def load_svg(path: Path) -> Drawing:
     """Load an SVG file's contours as polylines by name, in drawing order, in px of its viewport.
 
-    The name is the id. A contour without an id takes that of the nearest group or `use` around it,
-    else "contour"; if several would share such a name, they are numbered: `eye`, `eye-2`.
+    The name is the id, or Inkscape's label beside an id of its own, such as `path12`. A contour
+    without a name takes that of the nearest group or `use` around it, else "contour". Several that
+    would share such a name, or a label, are numbered: `eye`, `eye-2`.
     FinloopError if the file is no SVG that may be read, has no contour, an invalid one (see
     `clean_curve`), two with one id, or shows anything of `_REFUSED` or a value that cannot be read.
     """
@@ -198,17 +204,13 @@ def load_svg(path: Path) -> Drawing:
         )
     curves = {name: clean_curve(curve, name) for name, (curve, _, _) in by_name.items()}
     styles = {name: paint for name, (_, paint, _) in by_name.items() if paint}
+    has_size = bool({"viewBox", "width", "height"} & root.attrib.keys())
+    for name in _find_artboards(curves, styles, size) if has_size else ():
+        del curves[name], by_name[name]
     groups = {name: around for name, (_, _, around) in by_name.items() if around}
-    unpainted = tuple(
-        name
-        for name, layers in layers_by_shape(curves).items()
-        if name in styles
-        and styles[name].fill is not None
-        and rules[name] == "nonzero"
-        and is_painted_otherwise([curves[layer] for layer in layers])
-    )
+    unpainted = _find_unpainted(curves, styles, rules)
     width, height = size
-    if not {"viewBox", "width", "height"} & root.attrib.keys():  # the file states no size
+    if not has_size:
         corner = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
         width, height = np.maximum(corner, 1)
     if not (0 < width <= LARGEST and 0 < height <= LARGEST):
@@ -218,6 +220,42 @@ def load_svg(path: Path) -> Drawing:
             "correct its viewBox, or width and height",
         )
     return Drawing(curves, float(width), float(height), styles, groups, unpainted=unpainted)
+
+
+def _find_artboards(
+    curves: Mapping[str, Curve], styles: Mapping[str, Paint], size: tuple[float, float]
+) -> set[str]:
+    """Return the names of unpainted rectangles that cover the picture; none if these are all.
+
+    Illustrator and Affinity write such a rectangle for an artboard. size: of the picture, px.
+    """
+    margin = SHORT * np.array(size)
+    artboards = set[str]()
+    for name, curve in curves.items():
+        low, high = curve.points.min(axis=0), curve.points.max(axis=0)
+        to_side = np.minimum(curve.points - low, high - curve.points)  # 0 at corners of its box
+        is_rectangle = curve.closed and len(curve.points) == 4 and (to_side <= 1e-6 * high).all()
+        is_whole = (low <= margin).all() and (high >= size - margin).all()
+        if name not in styles and is_rectangle and is_whole:
+            artboards.add(name)
+    return artboards if len(artboards) < len(curves) else set()
+
+
+def _find_unpainted(
+    curves: Mapping[str, Curve], styles: Mapping[str, Paint], rules: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Return the names of shapes of which `fill-rule` paints areas that the even-odd rule does not.
+
+    rules: the `fill-rule` of each shape, by name.
+    """
+    return tuple(
+        name
+        for name, layers in layers_by_shape(curves).items()
+        if name in styles
+        and styles[name].fill is not None
+        and rules[name] == "nonzero"
+        and is_painted_otherwise([curves[layer] for layer in layers])
+    )
 
 
 def describe_unpainted(*drawings: Drawing) -> str:
@@ -346,9 +384,16 @@ def _unique_names(path: Path, shown: list[_ShownShape]) -> list[str]:
     return unique_names
 
 
-def _decode_id(text: str) -> str:
-    """Return an id as it was typed: Illustrator writes `fore_left` as `fore_x5F_left`."""
-    return re.sub(r"_x([0-9A-F]{2,4})_", lambda code: chr(int(code[1], 16)), text)
+def _own_name(element: ElementTree.Element) -> str:
+    """Return the name that an element has in the drawing program; "" if it has none.
+
+    It is the id, but Illustrator writes `fore_left` as `fore_x5F_left`, and Inkscape as a label,
+    with an id of its own such as `path12`.
+    """
+    own_id = element.get("id", "")
+    if (label := element.get(_LABEL)) and _INKSCAPE_ID.fullmatch(own_id):
+        return label
+    return re.sub(r"_x([0-9A-F]{2,4})_", lambda code: chr(int(code[1], 16)), own_id)
 
 
 # --- elements
@@ -405,8 +450,8 @@ def _shown_shapes(
     tag = local_name(element)
     if tag not in (*_GROUPS, *_SHAPES, "use", "switch", "text", "symbol") or not _applies(element):
         return
-    own_id = _decode_id(element.get("id", ""))
-    name = own_id or around.name
+    own_name = _own_name(element)
+    name = own_name or around.name
     with problems.collect(name):
         group = _child_context(document, element, around)
         if group.values.get("display") == "none":
@@ -416,16 +461,16 @@ def _shown_shapes(
             if words and group.values.get("visibility") not in ("hidden", "collapse"):
                 refused = group.refused | {"text"}
                 yield _ShownShape(
-                    own_id or words[:20], False, group._replace(refused=refused), element
+                    own_name or words[:20], False, group._replace(refused=refused), element
                 )
         elif tag in _SHAPES:
             if group.values.get("visibility") not in ("hidden", "collapse"):
-                is_id = bool(own_id) and not group.is_used
+                is_id = own_name not in ("", element.get(_LABEL)) and not group.is_used
                 yield _ShownShape(name, is_id, group, element)
         else:
             is_root = element not in document.parents
-            if own_id and not is_root:
-                group = group._replace(name=own_id, groups=(own_id, *group.groups))
+            if own_name and not is_root:
+                group = group._replace(name=own_name, groups=(own_name, *group.groups))
             if tag == "use":
                 yield from _used_shapes(document, element, group, problems)
                 return
@@ -494,11 +539,11 @@ def _used_shapes(
         for key, size in zip(("width", "height"), group.size, strict=True)
     )
     inner = group._replace(matrix=svg.Matrix(1, 0, 0, 1, x, y) * group.matrix, is_used=True)
-    own_id = _decode_id(element.get("id", ""))
+    own_name = _own_name(element)
     for part in _shown_shapes(
         document, target, inner, problems, cast("tuple[float, float]", place)
     ):
-        yield part._replace(name=own_id or part.name, name_is_id=False)
+        yield part._replace(name=own_name or part.name, name_is_id=False)
 
 
 def _viewport_context(
