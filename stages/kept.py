@@ -39,9 +39,9 @@ class KeptResults:
     def load(self, name: str, ending: str, unpack: Callable[[bytes], Any]) -> Any:
         """Return a kept result; None if there is none, or its checksum is wrong.
 
-        ending: the ending of its file. unpack: turns the packed result into what it was.
+        ending: of its file. unpack: turns the packed result into what it was.
         """
-        if self.folder is None or (content := unseal(path := self._path(name, kind))) is None:
+        if self.folder is None or (content := unseal(path := self._path(name, ending))) is None:
             return None
         with suppress(OSError):
             os.utime(path)  # `save` removes those that were not used for long
@@ -50,7 +50,7 @@ class KeptResults:
     def save(self, name: str, ending: str, packed: bytes) -> None:
         """Keep a packed result, and remove all but the MOST recently used files.
 
-        ending: the ending of the file, which distinguishes results of one name.
+        ending: of the file, which distinguishes results of one name.
         """
         if self.folder is None:
             return
