@@ -152,13 +152,13 @@ def scale_brightness(picture: Picture, gain: float) -> Picture:
 
 
 def median_background(frames: Sequence[Picture], workers: Threads = ALONE) -> Picture:
-    """Return the median picture (h, w[, 3]) of frames, all scaled to their median brightness.
+    """Return the median picture (h, w[, 3]) of frames, all scaled to their mean brightness.
 
     frames: an odd number of pictures, all (h, w[, 3]).
     """
     meter = _LightMeter(frames[len(frames) // 2])
     brightness = np.array([meter.measure_ratio(frame) for frame in frames])
-    gains = [meter.round_gain(gain) for gain in np.median(brightness) / brightness]
+    gains = [meter.round_gain(gain) for gain in brightness.mean() / brightness]
     equally_bright = list(map(scale_brightness, frames, gains))
     # A strip of every frame at a time fits into the processor's cache.
     strips = [slice(top, top + _STRIP) for top in range(0, len(frames[0]), _STRIP)]
