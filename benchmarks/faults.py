@@ -176,6 +176,8 @@ def try_kills(folder: Path, count: int, rng: random.Random) -> Iterator[tuple[st
     while count:
         target, number = rng.choice(TARGETS), rng.choice(SIGNALS)
         stage = rng.choice(with_workers if target == "worker" else stages)
+        # Else DVC brings the results back from there, and the stage does not run again.
+        shutil.rmtree(folder / ".dvc/cache/files", ignore_errors=True)
         delay_s, begin = rng.uniform(0.0, seconds[stage]), time.monotonic()
         with without_server(folder):
             was_there = kill_run(folder, stage, target, number, delay_s)
