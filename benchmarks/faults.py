@@ -29,6 +29,7 @@ from tempfile import gettempdir
 
 import pandas as pd
 import psutil
+import yaml
 
 from benchmarks.pipeline import ROOT, with_dependencies
 from finloop.io.checksums import (
@@ -143,6 +144,14 @@ def _send_signal(dvc: subprocess.Popen[bytes], target: str, number: signal.Signa
     return False
 
 
+def remove_from_cache(folder: Path, stage: str) -> None:
+    """Remove a stage's outputs from DVC's cache, or it would bring them back without a run."""
+    lock = yaml.safe_load((folder / "dvc.lock").read_text(encoding="utf-8"))
+    for out in lock["stages"][stage]["outs"]:
+        cached = folder / ".dvc/cache/files/md5" / out["md5"][:2] / out["md5"][2:]
+        cached.unlink(missing_ok=True)
+
+
 def list_processes(folder: Path) -> dict[int, str]:
     """Return the processes that run in a folder, by number: their commands."""
     found = {}
@@ -176,8 +185,7 @@ def try_kills(folder: Path, count: int, rng: random.Random) -> Iterator[tuple[st
     while count:
         target, number = rng.choice(TARGETS), rng.choice(SIGNALS)
         stage = rng.choice(with_workers if target == "worker" else stages)
-        # Else DVC brings the results back from there, and the stage does not run again.
-        shutil.rmtree(folder / ".dvc/cache/files", ignore_errors=True)
+        remove_from_cache(folder, stage)
         delay_s, begin = rng.uniform(0.0, seconds[stage]), time.monotonic()
         with without_server(folder):
             was_there = kill_run(folder, stage, target, number, delay_s)

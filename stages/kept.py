@@ -83,11 +83,13 @@ def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptRes
 
 def pack_frames(frames: list[pd.DataFrame]) -> bytes:
     """Return data frames of equal columns as Parquet, exactly."""
-    return pd.concat(frames, keys=range(len(frames))).to_parquet()
+    return pd.concat(frames, keys=range(len(frames))).to_parquet() if frames else b""
 
 
 def unpack_frames(packed: bytes, count: int) -> list[pd.DataFrame]:
     """Return `count` data frames that `pack_frames` has packed, in the same order."""
+    if not packed:
+        return []
     table = pd.read_parquet(BytesIO(packed))
     numbers = table.index.get_level_values(0)
     return [table[numbers == number].droplevel(0) for number in range(count)]
