@@ -47,15 +47,15 @@ def _inputs_to_note(stage: Mapping[str, Any]) -> list[str]:
 def note_origins(name: str) -> None:
     """Write the record of checksums (`finloop.io.checksums`) into the folders that a stage wrote.
 
-    name: of the stage in dvc.yaml. The record in its first folder has its other outputs, too, and
-    what `passes_on` names. Nothing is written for another name, or if the first is no folder.
+    name: of the stage in dvc.yaml. The records have its other files, too; that of its first folder
+    has its other folders, and what `passes_on` names. Nothing is written for another name, or if
+    the first is no folder.
     """
     stage = read_stages().get(name, {})
     first, *others = map(Path, output_paths(stage) or [""])
     if stage and first.is_dir():
-        for folder in others:
-            if folder.is_dir():
-                save_checksums(folder)
+        for folder in filter(Path.is_dir, others):
+            save_checksums(folder, filter(Path.is_file, others))
         written = [part for path in others for part in (path, *path.rglob("*"))]
         save_checksums(first, written, map(Path, _inputs_to_note(stage)))
 

@@ -237,11 +237,12 @@ def test_a_large_file_is_read_once_by_all_processes_and_again_when_it_was_writte
     assert file_digest(path) != digest and reads == [path, path]
     # A damaged memory does not make a whole file a damaged one.
     save_checksums(path.parent)
-    for note in (tmp_path / "memory").rglob("*-*"):
-        if note.is_file():
-            note.write_text("0" * 64)
-    checksums._known.clear()
-    assert check_file(path) == path
+    for damaged in (b"0" * 64, b"\xff" * 64, b"0"):
+        for note in (tmp_path / "memory").rglob("*-*"):
+            if note.is_file():
+                note.write_bytes(damaged)
+        checksums._known.clear()
+        assert check_file(path) == path
     # Without a place for a memory, everything is read.
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
     checksums._known.clear()

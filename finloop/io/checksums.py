@@ -102,9 +102,9 @@ def check_file(path: Path) -> Path:
     """Return a path, after comparing the file's content with the record that names it, if any.
 
     The record is in one of the next folders above the file, in the folder beside it that has its
-    name without the ending, or in data/<stage> for reports/<stage>/<file>. DamagedFileError if the
-    content or the record is not what was written; the time of the file is then set to now, so that
-    DVC looks at it again. A missing file is left to its reader.
+    name without the ending, or in data/<stage> or a folder of it for reports/<stage>/<file>.
+    DamagedFileError if the content or the record is not what was written; the time of the file is
+    then set to now, so that DVC looks at it again. A missing file is left to its reader.
     """
     wanted = _find_digest(path)
     if not wanted or not path.is_file() or file_digest(path) == wanted:
@@ -117,7 +117,9 @@ def check_file(path: Path) -> Path:
 def _find_digest(path: Path) -> str | None:
     """Return the digest of a file as the nearest record that names it has it; None without one."""
     *above, top = path.absolute().parents[:_LEVELS]
-    for folder in (*above, top, path.with_suffix(""), top / "data" / path.parent.name):
+    results = top / "data" / path.parent.name
+    parts = (record.parent for record in results.glob(f"*/{RECORD_NAME}"))
+    for folder in (*above, top, path.with_suffix(""), results, *parts):
         record = folder / RECORD_NAME
         if record.is_file():
             name = Path(os.path.relpath(path, folder)).as_posix()
@@ -202,7 +204,7 @@ def _memory_folder() -> Path:
 
 def _recall_digest(state: str) -> str | None:
     """Return the digest that another process has found of a file in a state; None if unknown."""
-    with suppress(OSError):
+    with suppress(OSError, UnicodeDecodeError):
         digest = (_memory_folder() / state).read_text(encoding="ascii")
         return digest if len(digest) == 2 * _DIGEST_BYTES else None
     return None
