@@ -1,5 +1,6 @@
 """SVG in: geometry against formulas and fontTools' own reader, names, styles, files that do harm."""
 
+import contextlib
 import sys
 from contextlib import contextmanager
 from math import comb
@@ -11,10 +12,13 @@ from fontTools.svgLib.path import parse_path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.fault_drawings import crowds, spoiled_drawings
 from finloop.base.errors import FinloopError
+from finloop.base.limited_process import LimitedProcess
 from finloop.base.style import colours_at, gradient_offsets
 from finloop.curve.contour import signed_area
-from finloop.io.svg import FLATNESS, describe_unpainted, load_svg
+from finloop.io import svg
+from finloop.io.svg import FLATNESS, describe_unpainted, load_svg, parse_svg
 from finloop.io.svg_safe import MOST_BYTES, MOST_DRAWN
 from finloop.io.svg_style import MOST_NESTED
 
@@ -796,6 +800,11 @@ def use_bomb():
         (f"<path d='M0 0H9' stroke='red' stroke-dasharray='{'1 ' * 65}'/>", "", "65 lengths"),
         (f"<linearGradient id='g'>{'<stop/>' * 65}</linearGradient><path fill='url(#g)' d='M0 0H9V9z'/>", "", "65 stops"),
         ("<g>", "", "no XML"),
+        ("<other:path/>" + SHAPE, "", "no XML (unbound prefix"),
+        (f'<path id="p" d="M0 0H9V9{"z" * 1001}"/>', "", "d: 1001 contours"),
+        (f'<path id="p" d="{"M0 0H9V9" * 1001}"/>', "", "d: 1001 contours"),
+        (f'<polygon id="p" points="{"1" * 60_000}"/>', "", "points: 111"),
+        (f"<style>{'a b ' * 501}{{fill:red}}</style>" + SHAPE, "", "selectors of 20"),
         (SHAPE * 2, "", "'p' 2 times"),
         ('<path id="p" d="M0 0H9V9z" transform="scale(0)"/>', "", "curve p"),
         ('<path id="p" d="M0 0H1e999V9z"/>', "", "curve p"),
@@ -810,7 +819,10 @@ def test_refused(tmp_path, body, head, says):
     if len(body) < 100_000:
         assert path.stat().st_size <= MOST_BYTES
     with nothing_fetched(path), pytest.raises(FinloopError) as error:
+        parse_svg(path)
+    with pytest.raises(FinloopError) as same:
         load_svg(path)
+    assert str(same.value) == str(error.value)
     assert says in error.value.came.replace(str(path), "")
     assert "secret" not in str(error.value)
 
@@ -829,7 +841,7 @@ def test_outside_references_are_not_fetched(tmp_path):
     )
     path = put(tmp_path, body, head=head)
     with nothing_fetched(path):
-        assert list(load_svg(path).curves) == ["p"]
+        assert list(parse_svg(path).curves) == ["p"]
 
 
 @pytest.mark.parametrize(
@@ -855,3 +867,26 @@ def test_no_drawing(tmp_path, data, says):
     for missing in (tmp_path / "none.svg", tmp_path):
         with pytest.raises(FinloopError, match="cannot be read"):
             load_svg(missing)
+
+
+def test_a_spoiled_drawing_gives_a_drawing_or_one_message(tmp_path):
+    """`benchmarks.fault_drawings` spoils ten thousand, and writes one long value everywhere."""
+    path, read = tmp_path / "drawing.svg", 0
+    for content in spoiled_drawings(100, seed=5):
+        path.write_bytes(content)
+        try:
+            read += bool(load_svg(path).curves)
+        except FinloopError as error:
+            assert str(path) in str(error) or error.came.startswith(("a ", "the ", "point "))
+    assert 5 < read < 60
+
+
+def test_a_drawing_that_takes_too_long_is_refused_with_its_size(tmp_path, monkeypatch):
+    with contextlib.closing(LimitedProcess(0, svg.MOST_MIB)) as hurried:  # a second, rounded up
+        monkeypatch.setattr(svg, "_PARSER", hurried)
+        path = put(tmp_path, dict(crowds(1000))["contours in each other"].decode())
+        with pytest.raises(
+            FinloopError, match=rf"drawing.svg \({path.stat().st_size / 1024:.0f} KiB"
+        ):
+            load_svg(path)
+        assert list(load(tmp_path, SHAPE).curves) == ["p"]

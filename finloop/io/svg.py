@@ -5,7 +5,8 @@ Curved pieces become polylines that stay within FLATNESS of them. A path of seve
 a layer for each: `d`, `d#2`, `d#3` …
 
 `io.svg_safe` says which files are read. What would change the picture and is no contour, such as a
-clip path, is refused by name, and so is a value that cannot be read.
+clip path, is refused by name, and so is a value that cannot be read. A file is read in a process of
+its own, which ends where it takes too much time or memory.
 """
 
 import re
@@ -22,10 +23,12 @@ import svgelements as svg
 
 from finloop.base.drawing import LARGEST, Curve, Drawing, clean_curve
 from finloop.base.errors import FinloopError
+from finloop.base.limited_process import LimitedProcess, LimitExceededError
 from finloop.base.paint import PART, layers_by_shape
 from finloop.base.style import Fill, Gradient, Paint, Stop
 from finloop.io.svg_safe import load_safe_tree, read_href, use_target
 from finloop.io.svg_shapes import (
+    MOST_CONTOURS,
     find_area_edges,
     is_painted_otherwise,
     read_attribute,
@@ -44,7 +47,7 @@ from finloop.io.svg_style import (
 )
 
 FLATNESS = 1e-4  # share of the larger side of the drawing
-MOST_CONTOURS = 1000
+MOST_S, MOST_MIB = 8, 1024  # of the processor and of memory, to read a drawing
 CUT = 0.01  # share of a nested viewport that a shape may reach beyond it and count as whole
 SHORT = 0.01  # share of the picture that an artboard may leave uncovered at each side
 
@@ -145,7 +148,26 @@ class _Document:
         return None if target is None else (target, self.by_id.get(target) if target else None)
 
 
+_PARSER = LimitedProcess(MOST_S, MOST_MIB)
+
+
 def load_svg(path: Path) -> Drawing:
+    """Load an SVG file's contours as `parse_svg` does, in a process of its own.
+
+    FinloopError, too, if that takes more than MOST_S of the processor, or MOST_MIB of memory.
+    """
+    try:
+        return _PARSER.call(parse_svg, path)
+    except LimitExceededError as error:
+        raise FinloopError(
+            f"{path} ({path.stat().st_size / 1024:.0f} KiB) takes more than {MOST_S} s of the"
+            f" processor or {MOST_MIB} MiB of memory to read",
+            "a drawing of a few contours",
+            "simplify its paths, transforms and style sheets, and save it as plain SVG",
+        ) from error
+
+
+def parse_svg(path: Path) -> Drawing:
     """Load an SVG file's contours as polylines by name, in drawing order, in px of its viewport.
 
     The name is the id, or Inkscape's label beside an id of its own, such as `path12`. A contour

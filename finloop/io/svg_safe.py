@@ -45,7 +45,10 @@ def load_safe_tree(path: Path) -> ElementTree.Element:
             "save only the contours, without pictures, and simplify traced paths",
         )
     _refuse_entities(path, data)
-    root = ElementTree.fromstring(data)
+    try:
+        root = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError) as error:  # such as a prefix of no namespace
+        raise _no_xml_error(path, str(error)) from error
     if local_name(root) != "svg":
         raise FinloopError(
             f"{path} holds <{local_name(root)}>, no SVG",
@@ -78,10 +81,14 @@ def _refuse_entities(path: Path, data: bytes) -> None:
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, ValueError, LookupError) as error:
-        empty = "it is empty" if not data.strip() else str(error)
-        raise FinloopError(
-            f"{path} is no XML ({empty})", "an SVG drawing", "save the drawing again as plain SVG"
-        ) from error
+        raise _no_xml_error(path, str(error) if data.strip() else "it is empty") from error
+
+
+def _no_xml_error(path: Path, reason: str) -> FinloopError:
+    """Return the error for a file that is no XML."""
+    return FinloopError(
+        f"{path} is no XML ({reason})", "an SVG drawing", "save the drawing again as plain SVG"
+    )
 
 
 def use_target(path: Path, element: ElementTree.Element) -> str | None:

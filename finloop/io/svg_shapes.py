@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
 
-import cv2
 import numpy as np
 import svgelements as svg
 
@@ -17,6 +16,8 @@ from finloop.base.arrays import Mask, Points
 from finloop.base.drawing import LARGEST, Curve
 from finloop.io.svg_style import UnreadableValueError, local_name, read_length
 
+MOST_CONTOURS = 1000  # of a path, and of a drawing
+_LONG_NUMBER = re.compile(r"\d{100}")  # the library takes the square of its length to read it
 _FEW = 64  # points and edges of a contour that show whether it lies within another one
 _TOUCH = 1e-5  # share of a contour's size: places nearer to it lie on it
 _LINES, _WIDE = 32, 2e-3  # across a shape; share of its size that is seen
@@ -66,6 +67,8 @@ def _are_inside(points: Points, around: Points) -> Mask:
     The points are some vertices and middles of edges. Those that lie on the other contour are left
     out.
     """
+    import cv2  # not at the top: most drawings do without, and start in half of the time
+
     every = max(1, len(points) // _FEW)
     middles = (points + np.roll(points, -1, axis=0)) / 2
     places = np.concatenate([points[::every], middles[::every]])
@@ -124,10 +127,15 @@ def read_shape(
         return length(key if key in known else other) if known else None
 
     if tag == "path":
-        return svg.Path(_read_path_data(element, values))
+        text = _read_path_data(element, values)
+        for letters in ("Mm", "Zz"):  # the library looks through all of a path at each
+            if (count := sum(map(text.count, letters))) > MOST_CONTOURS:
+                raise UnreadableValueError(f"d: {count} contours, more than {MOST_CONTOURS}")
+        return svg.Path(text)
     if tag in ("polyline", "polygon"):
-        shape = svg.Polygon if tag == "polygon" else svg.Polyline
-        return shape(element.get("points", ""))
+        if _LONG_NUMBER.search(text := element.get("points", "")):
+            raise UnreadableValueError(f"points: {text[:100]}")
+        return (svg.Polygon if tag == "polygon" else svg.Polyline)(text)
     if tag == "line":
         return svg.SimpleLine(length("x1"), length("y1"), length("x2"), length("y2"))
     if tag == "rect":

@@ -22,6 +22,7 @@ Values = dict[str, str]
 """Properties of an element, and its variables `--name`, by name."""
 
 MOST_STYLE = 2**16  # characters of style sheets
+MOST_SELECTOR = 1000  # parts of the selectors of a rule
 MOST_ATTRIBUTES = 2**19  # characters of `style` attributes that differ
 MOST_MATCHES = 2**21
 """Comparisons of selectors with elements; so many take a few seconds."""
@@ -128,6 +129,12 @@ def _compile_sheets(path: Path, sheets: Sequence[str], counts: Sequence[int]) ->
         for rule in tinycss2.parse_stylesheet(sheet, skip_comments=True, skip_whitespace=True):
             if rule.type != "qualified-rule":
                 continue  # such as @import: nothing is fetched
+            if len(rule.prelude) > MOST_SELECTOR:
+                raise FinloopError(
+                    f"{path} has a style rule with selectors of {len(rule.prelude)} parts",
+                    f"at most {MOST_SELECTOR}",
+                    "save it with styles as attributes",
+                )
             try:
                 selectors = cssselect2.compile_selector_list(rule.prelude)
             except cssselect2.SelectorError:
