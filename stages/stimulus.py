@@ -21,7 +21,7 @@ from typing import Any
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX
 from finloop.io.atomic import save_bytes
-from finloop.io.journal import save_journal
+from finloop.io.journal import hold_journal, save_journal
 from finloop.live.web import HOST, AccessPolicy, AppServer, bind_socket
 from finloop.plan.load_paths import load_track_or_file
 from finloop.project import Project
@@ -158,7 +158,16 @@ def page(options: argparse.Namespace) -> None:
 
 def recover(options: argparse.Namespace) -> None:
     """Make a session's file from the journal of an interrupted session."""
-    _write_session_file(options.journal, options.journal.with_suffix(".parquet"), recovered=True)
+    path = options.journal.with_suffix(".parquet")
+    with hold_journal(options.journal):
+        if path.exists():
+            raise FinloopError(
+                f"{path} exists already",
+                "a session without its file: no file is overwritten",
+                "use that file; or move it away, then recover the journal again",
+            )
+        _write_session_file(options.journal, path, recovered=True)
+    print(f"stimulus: {options.journal} stays; delete it once the session's file is as it should")
 
 
 def calibrate(options: argparse.Namespace) -> None:
@@ -201,17 +210,22 @@ def _open_session(
     )  # fmt: skip
     fields = {"display": None, "folder": str(options.protocol.parent)} | facts
     log = Log(journal, film.header(protocol, trials, **fields))
-    try:
-        session = Session(film.context, protocol, trials, feed, log, clock)
-        session.name = str(path)
-        yield session
-    finally:
-        log.close()
-        _write_session_file(journal, path)
+    with hold_journal(journal):  # so that `recover` refuses it until the file is whole
+        try:
+            session = Session(film.scene, protocol, trials, feed, log, clock)
+            session.name = str(path)
+            try:
+                yield session
+            finally:
+                session.log_unwritten()
+        finally:
+            log.close()
+            _write_session_file(journal, path)
+            journal.unlink()
 
 
 def _write_session_file(journal: Path, path: Path, recovered: bool = False) -> None:
-    """Convert a session's journal to the file `path` and a description (.md); remove the journal.
+    """Convert a session's journal to the file `path` and a description (.md).
 
     recovered: whether the session was interrupted; then the description says so.
     """
@@ -219,7 +233,6 @@ def _write_session_file(journal: Path, path: Path, recovered: bool = False) -> N
     save_bytes(
         path.with_suffix(".md"), summarise_session(open_session_record(path), recovered).encode()
     )
-    journal.unlink()
     print(f"stimulus: the session is in {path}, its description in {path.with_suffix('.md')}")
 
 

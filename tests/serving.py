@@ -10,7 +10,9 @@ from finloop.live.web import bind_socket
 
 @contextmanager
 def serving(
-    make_server: Callable[..., Any], ends_with: type[Exception] | None = None
+    make_server: Callable[..., Any],
+    ends_with: type[Exception] | None = None,
+    host: str = "127.0.0.1",
 ) -> Iterator[tuple[str, Any]]:
     """Run a server in a thread; yield its address, and the server.
 
@@ -18,7 +20,7 @@ def serving(
     ends_with: the error that ends it.
     """
     found = []
-    with bind_socket(0) as listens:
+    with bind_socket(0, host) as listens:
         up, port = threading.Event(), listens.getsockname()[1]
         server = make_server(listens, port, up.set)
 
@@ -32,7 +34,7 @@ def serving(
         runs.start()
         assert up.wait(10)
         try:
-            yield f"127.0.0.1:{port}", server
+            yield f"{host}:{port}", server
         finally:
             server.should_exit = ends_with is None
             runs.join(10)

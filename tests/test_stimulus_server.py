@@ -1,23 +1,37 @@
 """The pages and inputs of a session over the wire: strangers, hostile messages, a real browser."""
 
 import asyncio
+import errno
 import json
-from contextlib import contextmanager
+import resource
+import socket
+import subprocess
+import sys
+from argparse import Namespace
+from contextlib import contextmanager, suppress
+from functools import partial
+from http.client import HTTPConnection
 from itertools import product
+from unittest.mock import Mock
 
 import numpy as np
+import psutil
 import pytest
 from browser import chromium
 from conftest import wait_for
 from hostile import count_objects, hostile_messages
+from pythonosc.osc_message_builder import OscMessageBuilder
 from serving import serving
 from toy_stimulus import feed_of, plan_of, session_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+import stages.stimulus
 from finloop.io.journal import save_journal
-from finloop.live.web import AccessPolicy
+from finloop.live import web
+from finloop.live.web import MOST_PLAIN, AccessPolicy, AppServer, PlainConnection, bind_socket
 from finloop.stimulus.desk import handle_request, session_status
+from finloop.stimulus.inputs import receive_datagrams
 from finloop.stimulus.log import SESSION
 from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
 from finloop.stimulus.serve import (
@@ -41,8 +55,11 @@ READY = {"do": "ready", "width": 1280, "height": 720, "ratio": 1, "renderer": "r
 
 
 @contextmanager
-def running(folder, token=None, digest=False, **plan):
-    """A session that is served; its file is there when the block ends."""
+def running(folder, token=None, digest=False, listens_at="127.0.0.1", inputs=list, **plan):
+    """A session that is served; its file is there when the block ends.
+
+    inputs: takes the session; makes the tasks that receive messages by other ways.
+    """
     plan = plan_of(plan.pop("conditions", CONDITIONS), **plan)
     session, _ = session_of(folder, plan, RealClock())
     session.feed.facts["digest"] = digest
@@ -50,9 +67,11 @@ def running(folder, token=None, digest=False, **plan):
     session.connect_outputs(room.send, room.send_trigger)
 
     def make_server(listens, port, started):
-        return create_session_server(listens, AccessPolicy(port, token), room, list, started)
+        tasks = list if inputs is list else partial(inputs, session)
+        return create_session_server(listens, AccessPolicy(port, token), room, tasks, started)
 
-    with serving(make_server) as (address, _):
+    with serving(make_server, host=listens_at) as (address, server):
+        session.server = server
         yield address, session
     session.log.close()
     save_journal(folder / "toy.journal", folder / "toy.parquet", SESSION)
@@ -88,6 +107,142 @@ def test_whoever_comes_from_another_machine_shows_the_token(tmp_path):
                 pass
 
 
+def test_an_address_for_others_lets_in_only_who_shows_the_token(tmp_path):
+    """Pages, WebSockets, UDP and OSC, as with --listen, at another address of this machine."""
+    options = Namespace(listen="127.0.0.2")
+    with bind_socket(0, options.listen) as other:
+        policy = stages.stimulus._access_policy(options, other)
+        link = stages.stimulus._page_address(options, other, policy, "show")
+    assert link.endswith(f"/show?token={policy.token}") and len(policy.token) > 20
+    ports, sockets = {}, {}
+    for kind in ("udp", "osc"):
+        sockets[kind] = bind_socket(0, options.listen, socket.SOCK_DGRAM)
+        ports[kind] = sockets[kind].getsockname()
+
+    def receive(session):
+        return [
+            receive_datagrams(bound, kind, session.receive_message, policy.token)
+            for kind, bound in sockets.items()
+        ]
+
+    sighting = {"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}
+    with running(tmp_path, policy.token, listens_at=options.listen, inputs=receive) as (
+        at,
+        session,
+    ):
+        for query, status in (("", 421), ("?token=x", 421), (f"?token={policy.token}", 200)):
+            page = HTTPConnection(at)
+            page.request("GET", f"/show{query}")
+            answer = page.getresponse()
+            assert answer.status == status and (b"<script>" in answer.read()) == (status == 200)
+            page.close()
+        with pytest.raises(InvalidStatus), way_in(at, "animals", None):
+            pass
+        with way_in(at, f"animals?token={policy.token}", None) as tracker:
+            tracker.send(json.dumps(sighting))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            for number, token in enumerate((None, "x", policy.token)):
+                shown = {} if token is None else {"token": token}
+                out.sendto(json.dumps(sighting | {"id": 2} | shown).encode(), ports["udp"])
+                message = OscMessageBuilder("/finloop/animal")
+                for value in ([] if token is None else [token]) + [1.0, number + 3, 30.0, 30.0]:
+                    message.add_arg(value)
+                out.sendto(message.build().dgram, ports["osc"])
+        heard = session.counts.verdicts
+        assert wait_for(lambda: heard.total() == 7, 60) and heard["taken"] == 3
+    record = open_session_record(tmp_path / "toy.parquet")
+    assert policy.token not in str(list(record.read_rows("input", "event")))
+
+
+# --- silent and idle connections
+
+OPEN = """
+import socket, sys
+host, port, count = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+sys.stdin.readline()
+held = [socket.create_connection((host, port)) for _ in range(count)]
+print("open", flush=True)
+sys.stdin.read()
+"""
+
+
+def get_page(address):
+    page = HTTPConnection(address, timeout=60)
+    try:
+        page.request("GET", "/show")
+        return page.getresponse().status
+    finally:
+        page.close()
+
+
+def test_silent_connections_do_not_stop_requests(tmp_path, capfd):
+    """Two hundred of them, where the program may open sixty files more than it has."""
+    most, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with running(tmp_path) as (address, session):
+        command = [sys.executable, "-c", OPEN, *address.split(":"), "200"]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as silent:
+            few = psutil.Process().num_fds() + 60
+            resource.setrlimit(resource.RLIMIT_NOFILE, (few, hard))
+            try:
+                silent.stdin.write(b"\n")
+                silent.stdin.flush()
+                assert silent.stdout.readline() == b"open\n"
+                for _ in range(5):
+                    assert get_page(address) == 200
+                with way_in(address, "animals", None) as way:
+                    way.send('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}')
+                    assert wait_for(lambda: session.counts.verdicts.total(), 60)
+                connections = session.server.server_state.connections.copy()
+                assert sum(isinstance(one, PlainConnection) for one in connections) <= MOST_PLAIN
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+                silent.kill()
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_a_connection_that_asks_for_nothing_ends(tmp_path, monkeypatch):
+    with running(tmp_path) as (address, _), way_in(address, "animals", None) as way:
+        for sent in (b"", b"GET / HTTP/1.1\r\nHost: x"):  # nothing, and half a request
+            with socket.create_connection(address.split(":"), timeout=60) as silent:
+                silent.sendall(sent)
+                monkeypatch.setattr(web, "PATIENCE_S", 0.0)
+                with suppress(ConnectionResetError):
+                    assert silent.recv(1) == b""
+                monkeypatch.undo()
+        way.send("{")  # a WebSocket stays
+        assert way.ping().wait(60)
+
+
+def test_only_connections_that_are_overdue_end():
+    class Transport:
+        def __init__(self, is_closing):
+            self.is_closing, self.ended = lambda: is_closing, False
+
+        def abort(self):
+            self.ended = True
+
+    with bind_socket(0) as listens:
+        server = AppServer(listens, AccessPolicy(1), {}, [], list, lambda: None)
+        plain = PlainConnection.__new__(PlainConnection)
+        sockets = [Mock(), Mock()]
+        for one, is_closing in zip((plain, *sockets), (False, False, True), strict=True):
+            one.transport = Transport(is_closing)
+            server.server_state.connections.add(one)
+        for now_s, ended in ((5.0, [False] * 3), (14.9, [False] * 3), (15.1, [True, False, True])):
+            server.end_overdue_connections(now_s)
+            assert [one.transport.ended for one in (plain, *sockets)] == ended
+
+
+def test_a_lack_of_files_is_said_once(capfd):
+    loop = asyncio.new_event_loop()
+    with bind_socket(0) as listens:
+        server = AppServer(listens, AccessPolicy(1), {}, [], list, lambda: None)
+        for _ in range(1000):
+            server.handle_loop_error(loop, {"exception": OSError(errno.EMFILE, "too many")})
+    loop.close()
+    assert capfd.readouterr().err.count("\n") == 1
+
+
 # --- hostile messages
 
 
@@ -116,7 +271,8 @@ def test_no_message_of_a_page_breaks_the_session(tmp_path):
 
     counts = count_objects(hear())
     assert session.phase == "ready" and session.counts.bad > 300
-    assert session.counts.verdicts["malformed"] > 300
+    heard = session.counts.verdicts
+    assert heard["malformed"] + heard["flood"] > 300
     assert max(counts[3:]) - max(counts[:3]) < 300, counts
     assert json.dumps(session_status(session))
     session.log.close()

@@ -1,7 +1,13 @@
 """A session: what is shown is logged whole, survives a cut, and is planned again bit for bit."""
 
+import argparse
 import asyncio
 import json
+import re
+import subprocess
+import sys
+from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -11,18 +17,21 @@ from hypothesis import strategies as st
 from toy_stimulus import feed_of, header_of, plan_of, run_dry, scene, session_of
 from toy_tank import Drops
 
+import stages.stimulus
 from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
 from finloop.extract.matte import drop_residue
-from finloop.io.journal import read_journal, save_journal
+from finloop.io.journal import hold_journal, read_journal, save_journal
 from finloop.live.page import pack_message
 from finloop.render.gallery import CutoutSet, Gallery
 from finloop.stimulus.animals import LiveAnimals
+from finloop.stimulus.desk import handle_request
 from finloop.stimulus.drawn import ALPHA, PARTNER, PICTURE, X, Y
+from finloop.stimulus.limits import Budget
 from finloop.stimulus.log import SESSION, FrameFacts, Log, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialSetup, plan_motion
 from finloop.stimulus.pictures import PagePictures
-from finloop.stimulus.recorded import DryClock
+from finloop.stimulus.recorded import DryClock, TimedMessage
 from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
 from finloop.stimulus.summary import (
     load_log_table,
@@ -181,6 +190,146 @@ def test_all_that_was_kept_survives_a_cut_anywhere(tmp_path):
         Log(tmp_path / "a.journal", {})
 
 
+HOLD = """
+import sys
+from pathlib import Path
+from finloop.io.journal import hold_journal
+with hold_journal(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_journal_is_held_until_its_process_ends_however_it_does(tmp_path):
+    path = tmp_path / "a.journal"
+    Log(path, {"format": 1}).close()
+    command = [sys.executable, "-c", HOLD, path]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as session:
+        assert session.stdout.readline() == b"held\n"
+        with pytest.raises(FinloopError, match="its session runs"), hold_journal(path):
+            pass
+        session.kill()
+        session.wait()
+        with hold_journal(path):
+            with pytest.raises(FinloopError, match="is being recovered"), hold_journal(path):
+                pass  # two at once
+    with pytest.raises(FinloopError, match="cannot be read"), hold_journal(tmp_path / "no.journal"):
+        pass
+
+
+def test_recover_refuses_a_session_that_runs_overwrites_nothing_and_leaves_the_journal(tmp_path):
+    made, plan = scene(), plan_of({"a": {"seconds": 0.5} | GOALS})
+    film = SimpleNamespace(
+        scene=made,
+        feed=lambda *_, **__: feed_of(made, plan),
+        header=lambda *_, **__: header_of(made, plan),
+    )
+    options = argparse.Namespace(out=tmp_path / "a", protocol=tmp_path / "toy.yaml")
+    with stages.stimulus._open_session(options, plan, film, DryClock()) as session:
+        session.log_event("note", text="first")
+        session.log.write_entries()
+        [journal] = options.out.glob("*.journal")
+        cut = tmp_path / "left.journal"
+        cut.write_bytes(journal.read_bytes())  # as if the power had failed
+        with pytest.raises(FinloopError, match="its session runs"):
+            stages.stimulus.recover(argparse.Namespace(journal=journal))
+        session.log_event("note", text="last")
+    assert [path.suffix for path in sorted(options.out.iterdir())] == [".md", ".parquet"]
+    assert "text last" in next(options.out.glob("*.md")).read_text()
+    before = cut.read_bytes()
+    stages.stimulus.recover(argparse.Namespace(journal=cut))
+    assert cut.read_bytes() == before and "text first" in cut.with_suffix(".md").read_text()
+    with pytest.raises(FinloopError, match=r"left\.parquet exists already"):
+        stages.stimulus.recover(argparse.Namespace(journal=cut))
+
+
+# --- too much
+
+
+def test_a_budget_is_spent_and_comes_back_with_time():
+    budget = Budget(10.0, 2.0)
+    assert [budget.spend(4, 0.0) for _ in range(3)] == [True, True, False]
+    assert budget.spend(4, 1.0) and not budget.spend(1, 1.0)
+    assert budget.spend(10, 100.0) and not budget.spend(1, 100.0)  # never more than at first
+    assert not budget.spend(11, 1e6)
+
+
+def flood(folder, messages, name="toy"):
+    """A session that gets messages (time, text) before it is started; its record, and itself."""
+    now_s = 0.0
+    clock = SimpleNamespace(read_time=lambda: now_s)
+    session, _ = session_of(folder, plan_of({"live": {"seconds": 0.4} | RULE}), clock, name=name)
+    for time_s, source, text in messages:
+        now_s = time_s
+        session.receive_message(text, source)
+    return session
+
+
+def close_record(session, folder, name="toy"):
+    session.log_unwritten()
+    session.log.close()
+    journal, path = folder / f"{name}.journal", folder / f"{name}.parquet"
+    save_journal(journal, path, SESSION)
+    return journal.stat().st_size, open_session_record(path)
+
+
+def test_a_flood_of_refusals_is_counted_and_hardly_written(tmp_path):
+    """Six thousand messages of 1 kB in half a second, from ten senders."""
+    sender = ("one", *(f"other {number}" for number in range(9)))
+    session = flood(tmp_path, (
+        (number * 7e-5, sender[number % 10], b"x" * 1000 if number % 2 else '{"t":1,"id":"<"}')
+        for number in range(6000)
+    ))  # fmt: skip
+    heard = dict(session.counts.verdicts)
+    assert sum(heard.values()) == 6000 and heard["malformed"] > 1000
+    size, record = close_record(session, tmp_path)
+    assert size < 2**20
+    written = sum(1 for _ in record.read_rows("input"))
+    [event] = [json.loads(row["text"]) for row in record.read_rows("event")]
+    assert event.pop("what") == "not written" and sum(event.values()) + written == 6000
+    summary = summarise_session(record)
+    assert f"malformed {heard['malformed']}" in summary
+    assert f"only counted, and not in the log: {sum(event.values())}" in summary
+
+
+def test_a_tracker_is_heard_while_another_program_floods(tmp_path):
+    tracker = [(t / 60, "tracker", json.dumps({"t": t / 60, "id": 1, "x": 150.0, "y": 150.0}))
+               for t in range(120)]  # fmt: skip
+    noise = [(n / 12_000, "noise", "x" * 200) for n in range(12_000)]
+    session = flood(tmp_path, sorted(tracker + noise))
+    assert session.counts.verdicts["taken"] == 120 and session.counts.verdicts["flood"] > 1000
+    _, record = close_record(session, tmp_path)
+    rows = [row for row in record.read_rows("input") if row["source"] == "tracker"]
+    assert len(rows) == 120
+
+
+def test_late_messages_that_are_not_written_change_no_tick(tmp_path):
+    """What is needed to plan a session again is always written."""
+    made, plan = scene(), plan_of({"live": {"seconds": 1.0} | RULE})
+    messages = walk(3, 3, loss=0.2, jitter=0.2)
+    late = [(time_s, text) for time_s, text in messages for _ in range(3)]
+    clock = DryClock(iter([TimedMessage(*message) for message in late]))
+    session, _ = session_of(tmp_path, plan, clock, made)
+    clock.receive, session.waits_for_starts = session.receive_message, False
+    session.limits._refusals.spend(session.limits._refusals._left, 0.0)
+    session.start()
+    asyncio.run(session.run_trials())
+    _, record = close_record(session, tmp_path)
+    assert session.counts.verdicts["late"] > sum(1 for _ in record.read_rows("input")) > 10
+    assert replan_session(record, made, plan).different == 0
+
+
+def test_events_that_a_page_causes_are_written_up_to_a_limit(tmp_path):
+    session = flood(tmp_path, ())
+    for _ in range(5000):
+        session.press_key("x" * 40)
+        session.set_hidden(True)
+    size, record = close_record(session, tmp_path)
+    events = Counter(json.loads(row["text"])["what"] for row in record.read_rows("event"))
+    assert size < 2**19 and events["key"] > 100 and events["not written"] == 1
+    assert len(session.messages) == 50
+
+
 def test_what_is_no_session_is_refused_in_plain_words(tmp_path):
     plan = plan_of({"a": {"seconds": 0.5} | GOALS})
     run_dry(tmp_path, plan)
@@ -285,6 +434,23 @@ def test_the_summary_tells_what_was_shown_and_how_soon(dry_run):
     assert len(planned_ms) and (planned_ms == 0).all()  # nothing lasts on this clock
     errors = measure_tick_errors_ms(table)
     assert len(errors) > 50 and np.abs(errors).max() < 1e-6
+
+
+def test_names_and_notes_are_no_markup_in_the_summary(tmp_path):
+    bad = "<script>x</script>\n# a `b` [c](javascript:d) | *e* &lt; \x1b[31m"
+    plan = plan_of({"<b>|a": {"seconds": 0.5} | GOALS}, name="<img src=x onerror=y>")
+    session, _ = session_of(tmp_path, plan, DryClock())
+    assert handle_request(session, json.dumps({"do": "note", "text": bad}))
+    session.add_display(
+        {"name": "<i>", "renderer": bad, "width": 1, "height": 1, "calibrated": False}
+    )
+    session.receive_message("x", "<u>")
+    session.waits_for_starts = False
+    session.start()
+    asyncio.run(session.run_trials())
+    text = summarise_session(close_record(session, tmp_path)[1])
+    assert not re.search(r"<(?!=)|\x1b", text) and text.count("\n# ") == 0
+    assert r"\[c\](javascript:d) \| \*e\* &amp;lt;" in text and "&lt;b&gt;\\|a" in text
 
 
 def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):

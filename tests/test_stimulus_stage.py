@@ -1,5 +1,6 @@
 """The program `stages.stimulus` on a film: listed, run dry, checked, recovered; what it refuses."""
 
+import argparse
 import json
 import shutil
 import sys
@@ -75,17 +76,25 @@ def test_a_journal_that_was_left_becomes_a_session(workspace, tmp_path, monkeypa
     kept = []
 
     def cut(journal, path, schema):
-        kept.append(journal.read_bytes() if journal.exists() else b"")
+        kept.append(journal.read_bytes())
+        with pytest.raises(FinloopError, match="its session runs"):  # it has not ended yet
+            stages.stimulus.recover(argparse.Namespace(journal=journal))
         return save_journal(journal, path, schema)
 
-    monkeypatch.setattr(stages.stimulus, "save_journal", cut)
-    command(monkeypatch, "dry", protocol(tmp_path), "--out", tmp_path / "a")
+    with monkeypatch.context() as patch:
+        patch.setattr(stages.stimulus, "save_journal", cut)
+        command(monkeypatch, "dry", protocol(tmp_path), "--out", tmp_path / "a")
+    assert not list((tmp_path / "a").glob("*.journal"))  # of a session that ended in order
     journal = tmp_path / "left.journal"
     journal.write_bytes(kept[0][: len(kept[0]) * 3 // 4])
     command(monkeypatch, "recover", journal)
     record = open_session_record(tmp_path / "left.parquet")
-    assert sum(1 for _ in record.read_rows("tick")) > 10 and not journal.exists()
+    assert sum(1 for _ in record.read_rows("tick")) > 10 and journal.exists()
     assert "recovered" in (tmp_path / "left.md").read_text()
+    whole = (tmp_path / "left.parquet").read_bytes()
+    with pytest.raises(FinloopError, match=r"left\.parquet exists already"):
+        command(monkeypatch, "recover", journal)
+    assert (tmp_path / "left.parquet").read_bytes() == whole
     with pytest.raises(FinloopError, match="cannot be read"):
         command(monkeypatch, "recover", tmp_path / "none.journal")
 

@@ -1,10 +1,12 @@
 """A journal: a table that grows while it is written, and survives a power failure.
 
 It is an Arrow stream. Each part is on the disk when `append` returns, so after a failure everything
-up to the last `append` can be read. `read_journal` stops at a part that was cut off.
+up to the last `append` can be read. `read_journal` stops at a part that was cut off. The process
+that writes a journal, or recovers one, holds it (`hold_journal`).
 """
 
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -61,6 +63,34 @@ class Journal:
 
 
 @contextmanager
+def hold_journal(path: Path) -> Iterator[None]:
+    """Hold a journal for one process until the block ends, or until the process does.
+
+    FinloopError if another process holds it, or if the file cannot be opened. Where the system or
+    the folder knows no locks, nothing is held.
+    """
+    with ExitStack() as stack:
+        try:
+            file = stack.enter_context(path.open("r+b"))
+        except OSError as error:
+            raise _unreadable_error(path, error) from error
+        if sys.platform != "win32":
+            import fcntl
+
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise FinloopError(
+                    f"{path} is in use: its session runs, or is being recovered",
+                    "the journal of a session that was cut off",
+                    "end the session in its own terminal (Ctrl-C): it then writes its file itself",
+                ) from error
+            except OSError:  # a network folder without locks
+                pass
+        yield
+
+
+@contextmanager
 def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatch]]]:
     """Open a journal; yield its Arrow schema, and its record batches up to where it was cut off.
 
@@ -71,12 +101,17 @@ def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatc
             file = stack.enter_context(path.open("rb"))
             reader = stack.enter_context(pa.ipc.open_stream(file))
         except (OSError, pa.ArrowInvalid) as error:
-            raise FinloopError(
-                f"{path} cannot be read ({str(error).splitlines()[0]})",
-                "the journal of a session",
-                "name another .journal file: one cut off at its start holds no rows to recover",
-            ) from error
+            raise _unreadable_error(path, error) from error
         yield reader.schema, _read_intact_batches(reader)
+
+
+def _unreadable_error(path: Path, error: Exception) -> FinloopError:
+    """Return the error for a file that is no journal, or cannot be opened."""
+    return FinloopError(
+        f"{path} cannot be read ({str(error).splitlines()[0]})",
+        "the journal of a session",
+        "name another .journal file: one cut off at its start holds no rows to recover",
+    )
 
 
 def _read_intact_batches(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:

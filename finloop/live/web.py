@@ -3,10 +3,14 @@
 A page is served, and a WebSocket opened, only under the server's own address (`Host`), and a
 WebSocket to a page only if that came from there (`Origin`): no other site that is open in the
 browser can look in or steer. A server that other machines reach also requires a token.
+
+A connection ends that neither asks for anything nor answers. There are few at a time, so that
+silent ones take no file from the program.
 """
 
 import asyncio
 import contextlib
+import errno
 import gc
 import hmac
 import logging
@@ -22,6 +26,7 @@ from starlette.requests import HTTPConnection, Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from finloop.base.errors import FinloopError
 from finloop.live.page import make_content_policy
@@ -30,6 +35,12 @@ HOST = "127.0.0.1"
 BUSY, STRANGER = 1013, 1008  # codes of closing a WebSocket
 _BROKEN = 1002, 1007, 1009  # closed since a message was no message, no text, or too long
 LARGEST = 64 * 1024  # bytes of a message; a larger one ends the connection
+PATIENCE_S = 10.0
+"""How long a connection may last before it is a WebSocket, and how long it may take to close."""
+MOST_PLAIN = 32
+"""Connections that are no WebSocket; one more, and the oldest ends."""
+_PING_S = 20.0  # between two pings of a WebSocket; without an answer for as long, it ends
+_ACCEPTED, _QUEUED = 8, 128  # new connections that are accepted at once, and that may wait
 _SWITCH_S = 0.0005  # after which a thread that computes gives way to the server
 GONE = WebSocketDisconnect, RuntimeError, OSError
 """The errors of sending to a client that has disconnected."""
@@ -153,6 +164,22 @@ class SocketRoute(NamedTuple):
     programs: bool = False
 
 
+class PlainConnection(H11Protocol):
+    """A connection that asks for a page, or for a WebSocket and is none yet."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin; end the oldest connection of this kind if there are too many."""
+        self.begun_s = self.loop.time()
+        super().connection_made(transport)
+        plain = [
+            other
+            for other in self.connections
+            if isinstance(other, PlainConnection) and not other.transport.is_closing()
+        ]
+        if len(plain) > MOST_PLAIN:
+            min(plain, key=lambda other: other.begun_s).transport.abort()
+
+
 class AppServer(uvicorn.Server):
     """Web server with pages, WebSockets and tasks beside them; an error of a task ends it."""
 
@@ -168,14 +195,17 @@ class AppServer(uvicorn.Server):
         """
         self._listens, self._policy, self._tasks, self._on_start = listens, policy, tasks, started
         self._failure: BaseException | None = None
+        self._waiting_since: dict[Any, float] = {}  # connections that will end, by the loop's clock
+        self._has_no_file = False
         routes = [self._page_route(*page) for page in pages.items()]
         app = Starlette(
             routes=[*routes, *map(self._socket_route, sockets)], lifespan=self._run_tasks
         )
         super().__init__(uvicorn.Config(
-            app, log_level="warning", access_log=False, lifespan="on", server_header=False,
-            ws="websockets-sansio", ws_max_size=LARGEST, ws_per_message_deflate=False,
-            timeout_graceful_shutdown=2,
+            app, log_level="error", access_log=False, lifespan="on", server_header=False,
+            http=PlainConnection, ws="websockets-sansio", ws_max_size=LARGEST,
+            ws_per_message_deflate=False, ws_ping_interval=_PING_S, ws_ping_timeout=_PING_S,
+            timeout_graceful_shutdown=2, backlog=_ACCEPTED,
         ))  # fmt: skip
         logging.getLogger("uvicorn.error").addFilter(_is_about_server)
 
@@ -194,10 +224,13 @@ class AppServer(uvicorn.Server):
 
         async def serve_connection(connection: WebSocket) -> None:
             """Serve an accepted WebSocket until it ends; refuse it if there are too many."""
-            if not await self._policy.accept_socket(connection, route.programs):
-                return
-            if len(connections) >= route.most:
-                await connection.close(BUSY, "too many")
+            try:
+                if not await self._policy.accept_socket(connection, route.programs):
+                    return
+                if len(connections) >= route.most:
+                    await connection.close(BUSY, "too many")
+                    return
+            except GONE:
                 return
             connections.add(connection)
             try:
@@ -212,6 +245,7 @@ class AppServer(uvicorn.Server):
         """Run the tasks until the server stops; meanwhile Python's own pauses are kept short."""
         gc.collect()
         gc.freeze()  # present objects are not scanned again, which takes time
+        asyncio.get_running_loop().set_exception_handler(self.handle_loop_error)
         switch_interval_s = sys.getswitchinterval()
         sys.setswitchinterval(_SWITCH_S)
         running = [asyncio.create_task(task) for task in self._tasks()]
@@ -240,7 +274,41 @@ class AppServer(uvicorn.Server):
         """Start the server on bound sockets; call the function `started` if it can be reached."""
         await super().startup(sockets)
         if self.started:
+            self._listens.listen(_QUEUED)  # more than are accepted at once may wait
             self._on_start()
+
+    async def on_tick(self, counter: int) -> bool:
+        """End connections that are overdue, ten times a second; return whether to stop."""
+        self.end_overdue_connections(asyncio.get_running_loop().time())
+        return await super().on_tick(counter)
+
+    def end_overdue_connections(self, now_s: float) -> None:
+        """End connections that did not become WebSockets in time, or whose peer lets none close.
+
+        now_s: the time of any clock, but always of the same.
+        """
+        waiting = (
+            connection
+            for connection in self.server_state.connections
+            if isinstance(connection, PlainConnection) or connection.transport.is_closing()
+        )
+        self._waiting_since = {one: self._waiting_since.get(one, now_s) for one in waiting}
+        for connection, since_s in self._waiting_since.items():
+            if now_s - since_s >= PATIENCE_S:
+                connection.transport.abort()
+
+    def handle_loop_error(self, loop: asyncio.AbstractEventLoop, facts: dict[str, Any]) -> None:
+        """Report an error that no task has caught; where all files are in use, report it once."""
+        error = facts.get("exception")
+        if not (isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE)):
+            loop.default_exception_handler(facts)
+        elif not self._has_no_file:
+            self._has_no_file = True
+            print(
+                "finloop: as many files are open as the system permits; new pages have to wait"
+                " (ulimit -n 4096, then start it again)",
+                file=sys.stderr,
+            )
 
 
 def _is_about_server(record: logging.LogRecord) -> bool:

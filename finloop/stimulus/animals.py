@@ -21,12 +21,15 @@ from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, fit_calibration, pa
 
 PlacePx = tuple[float, float]
 """A place in the tank's picture: x, y px, y down."""
-Verdict = Literal["taken", "outside", "clock", "malformed", "late", "rival", "crowd", "unwanted"]
+Verdict = Literal[
+    "taken", "outside", "clock", "malformed", "late", "rival", "crowd", "unwanted", "flood"
+]
 """The verdict on a tracker's message.
 
 taken; outside: taken, and moved into the tank; clock: taken, though the tracker's clock jumped;
 malformed: no message; late: not later than the last; rival: of another tracker, while the first
-one is active; crowd: of more animals than allowed; unwanted: the protocol has no animals."""
+one is active; crowd: of more animals than allowed; unwanted: the protocol has no animals; flood: of
+a sender that sends too much (`finloop.stimulus.limits`)."""
 TAKEN: tuple[Verdict, ...] = ("taken", "outside", "clock")
 """The verdicts on a sighting that counts, so that its animal is present."""
 
@@ -72,6 +75,7 @@ class LiveAnimals:
 
     settings: `animals` of the protocol, None where it has none. mm_per_px: mm of the real world per
     px of the tank's picture, if known. gap_s: time without messages after which an animal is lost.
+    is_changed: whether the last message changed what is known, so that later ones may depend on it.
     """
 
     def __init__(
@@ -81,6 +85,7 @@ class LiveAnimals:
         self._tank = tank
         self.calibration = None if settings is None else fit_calibration(settings, mm_per_px)
         self.gap_s = 0.0 if settings is None else settings.gap_s
+        self.is_changed = False
         self._tracks: dict[str, _AnimalTrack] = {}
 
     def receive_message(
@@ -91,6 +96,7 @@ class LiveAnimals:
         A message without a valid sighting gets a single verdict. source: the sender's name.
         arrived_s: session time, s.
         """
+        self.is_changed = False
         if self.calibration is None:  # the protocol has no live animals
             return ["unwanted"]
         sightings = parse_sightings(text)
@@ -140,9 +146,12 @@ class LiveAnimals:
         silence = arrived_s - track.heard_s
         if track.source != source and silence <= self.gap_s:
             return "rival"
+        refused_t = track.refused_t
         jumped = track.update_clock(sighting.t, arrived_s, source)
         if jumped is None:
+            self.is_changed |= track.refused_t != refused_t
             return "late"
+        self.is_changed = True
         place, heading, outside = self._place_in_tank(sighting)
         track.add_sighting(sighting.t, place, heading, arrived_s, silence > self.gap_s)
         return "clock" if jumped else "outside" if outside else "taken"
@@ -194,7 +203,7 @@ class _AnimalTrack:
         self._clock_offset_s = 0.0  # the session's time less the tracker's
         self._last_t = -math.inf  # the last of the tracker's times
         self._unbroken_since = 0.0  # beginning of its unbroken track, the tracker's time
-        self._refused_t: float | None = None  # a time of a clock that may have been put back
+        self.refused_t: float | None = None  # a time of a clock that may have been put back
         self._heading_place = (0.0, 0.0)  # where its motion last gave the heading
 
     def update_clock(self, t: float, arrived_s: float, source: str) -> bool | None:
@@ -211,7 +220,7 @@ class _AnimalTrack:
         jumped = not is_first and self._detect_clock_jump(t, offset - self._clock_offset_s)
         if jumped is None and not is_other_source:
             return None
-        self._refused_t = None
+        self.refused_t = None
         if is_first or is_other_source or jumped:
             # Stored times move to the new clock, which is ahead of the old one by this difference.
             self._past.change_clock(self._clock_offset_s - offset, t)
@@ -238,9 +247,9 @@ class _AnimalTrack:
         if t == self._last_t or change_s <= _JUMP_S:
             return None
         # One sighting may only be late; a second one, in order, shows that the clock was put back.
-        if self._refused_t is not None and t > self._refused_t:
+        if self.refused_t is not None and t > self.refused_t:
             return True
-        self._refused_t = t
+        self.refused_t = t
         return None
 
     def add_sighting(

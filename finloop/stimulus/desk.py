@@ -13,6 +13,7 @@ from starlette.websockets import WebSocket
 from finloop.live.message import StrictModel, parse_json
 from finloop.live.web import GONE, LARGEST, cancel_task, receive_messages
 from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
+from finloop.stimulus.limits import PAGE_MESSAGES, PAGE_MESSAGES_PER_S, Budget
 from finloop.stimulus.listing import list_requirements
 from finloop.stimulus.session import Session
 
@@ -51,7 +52,7 @@ def handle_request(session: Session, text: str | bytes | None) -> bool:
         case SessionCommand():
             getattr(session, request.do)()  # start, stop, abort or skip
         case NoteRequest():
-            session.log_event("note", text=request.text)
+            session.log_outside_event("note", text=request.text)
         case KeyPress():
             session.press_key(request.key)
     return request is not None
@@ -126,9 +127,11 @@ async def serve_experimenter(session: Session, connection: WebSocket) -> None:
                 await asyncio.sleep(_STATUS_INTERVAL_S)
 
     sending = asyncio.create_task(send_status())
+    budget = Budget(PAGE_MESSAGES, PAGE_MESSAGES_PER_S)
     try:
         async for text in receive_messages(connection):
-            if not handle_request(session, text):
+            may_count = budget.spend(1, session.clock.read_time())
+            if not (may_count and handle_request(session, text)):
                 session.counts.bad += 1
     finally:
         await cancel_task(sending)

@@ -37,6 +37,7 @@ from finloop.stimulus.desk import KeyPress, serve_experimenter
 from finloop.stimulus.display import DisplayCalibration, PixelRatio, Pixels, save_display
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import Feed
+from finloop.stimulus.limits import PAGE_MESSAGES, PAGE_MESSAGES_PER_S, Budget
 from finloop.stimulus.log import parse_frame_records
 from finloop.stimulus.page import build_display_page, read_page_file
 from finloop.stimulus.replay import DisplayedFrame
@@ -180,10 +181,13 @@ class DisplayHub:
         screen = DisplayPage(connection)
         self.screens.append(screen)
         delivering = asyncio.create_task(screen.deliver())
+        budget = Budget(PAGE_MESSAGES, PAGE_MESSAGES_PER_S)
         try:
             async for content in receive_messages(connection):
                 if not isinstance(content, bytes):
-                    self.handle_message(screen, parse_display_message(content))
+                    may_count = budget.spend(1, self._read_time())
+                    message = parse_display_message(content) if may_count else None
+                    self.handle_message(screen, message)
                 elif self.screens[:1] == [screen]:  # the others are mirrors
                     self.handle_frames(content)
         finally:
@@ -228,7 +232,7 @@ class SessionHub(DisplayHub):
                 else:
                     what = "the display was calibrated"
                     self.store_calibration(message.display, self._store)
-                self.session.report_event(what)
+                self.session.report_outside_event(what)
             case VisibilityMessage():
                 self.session.set_hidden(message.on)
 

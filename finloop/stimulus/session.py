@@ -16,9 +16,10 @@ from datetime import datetime
 from functools import partial
 from typing import Any, NamedTuple
 
-from finloop.stimulus.animals import TAKEN, LiveAnimals
+from finloop.stimulus.animals import TAKEN, LiveAnimals, Verdict
 from finloop.stimulus.drawn import States
 from finloop.stimulus.feed import EARLY_S, Feed
+from finloop.stimulus.limits import InputLimits
 from finloop.stimulus.log import Log, digest_states, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion
 from finloop.stimulus.order import Trial, fill_trigger_text
@@ -58,7 +59,9 @@ class SessionCounts:
 
     planned_ms, drawn_ms: from an input to the planned reaction, and to the frame that shows it;
     tick_ms: how much later ticks were planned than due; frames, dropped, late: displayed, missed,
-    and drawn too late; bad: invalid messages of pages; verdicts: on messages of trackers.
+    and drawn too late; bad: invalid messages of pages, and more than a page may send; verdicts: on
+    messages of trackers. unwritten: verdicts and events that the log only counts, since the last
+    entry about them.
     """
 
     planned_ms: deque[float] = field(default_factory=partial(deque, maxlen=_RECENT))
@@ -69,6 +72,7 @@ class SessionCounts:
     late: int = 0
     bad: int = 0
     verdicts: Counter[str] = field(default_factory=Counter)
+    unwritten: Counter[str] = field(default_factory=Counter)
 
 
 class _UndrawnReaction(NamedTuple):
@@ -97,6 +101,7 @@ class Session:
         self.context, self.protocol, self.trials = context, protocol, trials
         self.feed, self.log, self.clock = feed, log, clock
         self.animals = LiveAnimals(protocol.animals, context.tank, context.mm_per_px)
+        self.limits = InputLimits()
         self.counts = SessionCounts()
         self._send: Callable[[bytes], None] = lambda content: None
         self._send_trigger: Callable[[str, str], str | None] = lambda to, text: None
@@ -144,24 +149,24 @@ class Session:
     def stop(self) -> None:
         """End the session after the present trial, and log that."""
         self.stopping = True
-        self.log_event("stop")
+        self.log_outside_event("stop")
         self.start()
 
     def abort(self) -> None:
         """End the session at once, and log that."""
         self.stopping = self._abort = True
-        self.log_event("abort")
+        self.log_outside_event("abort")
         self.start()
 
     def skip(self) -> None:
         """Skip the rest of the present trial, and log that."""
         self._skip = True
-        self.log_event("skip")
+        self.log_outside_event("skip")
         self._may_start.set()
 
     def press_key(self, key: str) -> None:
         """Log a key press at a display or by the experimenter; it may start a waiting trial."""
-        self.log_event("key", key=key)
+        self.log_outside_event("key", key=key)
         if self.phase == "waiting" and key == self.protocol.start_key:
             self._may_start.set()
 
@@ -170,9 +175,31 @@ class Session:
         text = json.dumps({"what": what, **facts})
         self.log.add_entry("event", self.clock.read_time(), text=text)
 
+    def log_outside_event(self, what: str, **facts: Any) -> None:
+        """Log an event that a page or a program caused; only count it if there are too many."""
+        if self.limits.may_write_event(len(str(facts)), self.clock.read_time()):
+            self.log_event(what, **facts)
+        else:
+            self.counts.unwritten[f"event {what}"] += 1
+
+    def log_unwritten(self) -> None:
+        """Log how many messages and events were only counted since this was logged last."""
+        if self.counts.unwritten:
+            self.log_event("not written", **self.counts.unwritten)
+            self.counts.unwritten.clear()
+
     def report_event(self, what: str, **facts: Any) -> None:
         """Show an event to the experimenter, and log it, both with facts about it."""
         self.log_event(what, **facts)
+        self._show_event(what, facts)
+
+    def report_outside_event(self, what: str, **facts: Any) -> None:
+        """Show an event that a page caused to the experimenter; log it, or count it."""
+        self.log_outside_event(what, **facts)
+        self._show_event(what, facts)
+
+    def _show_event(self, what: str, facts: dict[str, Any]) -> None:
+        """Show an event to the experimenter, with facts about it."""
         details = ", ".join(f"{name} {value}" for name, value in facts.items())
         text = f"{what}: {details}" if details else what
         self.messages.append(f"{self.clock.read_time():.1f} s: {text}")
@@ -182,16 +209,24 @@ class Session:
     def receive_message(self, text: str | bytes | None, source: str) -> None:
         """Handle a message of a tracker, or one that starts a trial.
 
-        If fish react to the message, the last tick is planned again before this returns.
+        If fish react to the message, the last tick is planned again before this returns. Too many
+        messages of a sender are only counted. A message without effect is only counted, too, once
+        many have been logged.
         """
-        arrived_s = self.clock.read_time()
+        arrived_s, size = self.clock.read_time(), len(text or "")
+        if not self.limits.may_hear(source, size, arrived_s):
+            self._count_unwritten(["flood"])
+            return
         name = parse_trigger(text)
         if name is not None:
-            self.log_event("trigger", name=name, source=source)
+            self.log_outside_event("trigger", name=name, source=source)
             if self.phase == "waiting" and name == self.protocol.start_message:
                 self._may_start.set()
             return
         verdicts = self.animals.receive_message(text, source, arrived_s)
+        if not (self.animals.is_changed or self.limits.may_write_refusal(size, arrived_s)):
+            self._count_unwritten(verdicts)
+            return
         self.counts.verdicts.update(verdicts)
         logged = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
         self.log.add_entry(
@@ -206,6 +241,11 @@ class Session:
             tick_before_s = self._due_s - 1 / self.context.rate_hz
             self._undrawn_reactions[self._seq] = _UndrawnReaction(arrived_s, tick_before_s)
             self.counts.planned_ms.append(1e3 * (now_s - arrived_s))
+
+    def _count_unwritten(self, verdicts: list[Verdict]) -> None:
+        """Count the verdicts on a message that is not written into the log."""
+        self.counts.verdicts.update(verdicts)
+        self.counts.unwritten.update(verdicts)
 
     # --- display
 
@@ -248,20 +288,21 @@ class Session:
         """
         self._page_first_frame = (self._last_frame // 2 + 1) * 2 if self._last_frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
-        self.log_event("display", **facts)
+        self.log_outside_event("display", **facts)
 
     def remove_display(self) -> None:
         """Log that a display has disconnected; report it if a trial runs or waits."""
         self.displays -= 1
         self.display = None if not self.displays else self.display
         if self.phase in ("running", "waiting"):
-            self.report_event("the display has gone", trial=self.trials[self.trial_index].number)
+            trial = self.trials[self.trial_index].number
+            self.report_outside_event("the display has gone", trial=trial)
 
     def set_hidden(self, on: bool) -> None:
         """Report that the display's page is hidden behind another (`on`), or visible again."""
         if self.display is not None:
             self.display["hidden"] = on
-        self.report_event(f"the display's page is {'hidden' if on else 'seen again'}")
+        self.report_outside_event(f"the display's page is {'hidden' if on else 'seen again'}")
 
     def remaining_s(self, now: float) -> float | None:
         """Return how many s of the present trial are left at a session time; None if none runs."""
@@ -349,6 +390,7 @@ class Session:
         self.log.add_entry("trial", now, number=number, text=json.dumps(facts))
         if what != "start":  # the entry about its end is the trial's last
             self.log.trial = None
+            self.log_unwritten()
         for trigger in self.protocol.triggers:
             if (trigger.at == "start") == (what == "start"):
                 text = fill_trigger_text(trigger, trial)

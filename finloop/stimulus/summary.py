@@ -1,9 +1,15 @@
-"""A summary of a session in plain text: what a paper has to report."""
+"""A summary of a session in Markdown: what a paper has to report.
+
+Names, notes and messages come from anybody: they are shown as they are, and never count as markup.
+"""
 
 import hashlib
+import html
 import json
+import re
+from collections import Counter
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -11,6 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from finloop.base.arrays import Floats
+from finloop.stimulus.animals import Verdict
 from finloop.stimulus.drawn import FIELDS
 from finloop.stimulus.log import SESSION
 from finloop.stimulus.replay import SessionRecord
@@ -75,11 +82,12 @@ def summarise_session(record: SessionRecord, recovered: bool = False) -> str:
     table, header = load_log_table(record), record.header
     digest = hashlib.sha256(table["digest"][table["kind"] == "tick"].astype("int64").to_numpy())
     lines = [
-        f"# {header['protocol']['name']}",
+        f"# {_escape_text(header['protocol']['name'])}",
         "",
-        f"- begun {header['begun']}, finloop {header['finloop']}, file `{record.path.name}`",
+        f"- begun {header['begun']}, finloop {header['finloop']}, "
+        f"file {_escape_text(record.path.name)}",
         f"- seed {header['protocol']['seed']}; {header['protocol']['fish']} fish, ",
-        f"  film {header['film']}",
+        f"  film {_escape_text(header['film'])}",
         f"- all planned ticks: SHA-256 {digest.hexdigest()[:16]}",
     ]
     if header.get("dry"):
@@ -99,6 +107,13 @@ def summarise_session(record: SessionRecord, recovered: bool = False) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _escape_text(value: object) -> str:
+    """Return a value as Markdown that shows its text on one line, without markup or HTML."""
+    printable = "".join(letter if letter.isprintable() else " " for letter in str(value))
+    text = html.escape(" ".join(printable.split()), quote=False)
+    return re.sub(r"([\\`*_\[\]|])", r"\\\1", text)
+
+
 def _parse_texts(rows: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the JSON values in the column `text` of some rows of the log."""
     return [json.loads(text) for text in rows["text"]]
@@ -115,7 +130,7 @@ def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
         """Return the line of a trial: when it began (session time), how long it lasted, its end."""
         cells = [facts[name] for name in ("number", "condition", "block", "repeat", "seed")]
         cells += [f"{begin:.2f}", lasted, ended, int(dropped.get(facts["number"], 0))]
-        return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+        return "| " + " | ".join(map(_escape_text, cells)) + " |"
 
     begun: dict[int, tuple[float, dict[str, Any]]] = {}
     for time_s, facts in zip(rows["time_s"], _parse_texts(rows), strict=True):
@@ -137,7 +152,7 @@ def _display_lines(table: pd.DataFrame) -> Iterator[str]:
     for display in displays:
         calibration = display.get("calibration") or {}
         size = f"{display['width']} × {display['height']} px"
-        yield f"- {display['name']}: {size}, {display['renderer']}"
+        yield f"- {_escape_text(display['name'])}: {size}, {_escape_text(display['renderer'])}"
         if not display["calibrated"]:
             yield "  **not calibrated**"
             continue
@@ -185,12 +200,19 @@ def _percentile_line(name: str, values_ms: Floats) -> str:
 def _animal_lines(table: pd.DataFrame) -> Iterator[str]:
     """Yield lines about the trackers' messages and the verdicts on them; table: a session's log."""
     rows = table[table["kind"] == "input"]
-    if not len(rows):
+    unwritten = Counter[str]()
+    for event in _parse_texts(table[table["kind"] == "event"]):
+        if event.pop("what") == "not written":
+            unwritten.update({key: n for key, n in event.items() if key in get_args(Verdict)})
+    if not len(rows) and not unwritten:
         yield "none"
         return
-    verdicts = rows["verdict"].fillna("").str.split().explode().value_counts()
-    yield f"- messages {len(rows)}, from {', '.join(sorted(rows['source'].unique())[:20])}"
-    yield "- positions: " + ", ".join(f"{name} {count}" for name, count in verdicts.items())
+    verdicts = Counter(" ".join(rows["verdict"].fillna("")).split()) + unwritten
+    sources = ", ".join(map(_escape_text, sorted(rows["source"].unique())[:20]))
+    yield f"- messages {len(rows)}, from {sources}"
+    yield "- positions: " + ", ".join(f"{name} {count}" for name, count in verdicts.most_common())
+    if unwritten:
+        yield f"- of these only counted, and not in the log: {unwritten.total()}"
 
 
 def _event_lines(table: pd.DataFrame) -> Iterator[str]:
@@ -198,8 +220,8 @@ def _event_lines(table: pd.DataFrame) -> Iterator[str]:
     rows = table[table["kind"] == "event"]
     for time_s, facts in zip(rows["time_s"], _parse_texts(rows), strict=True):
         details = ", ".join(
-            f"{name} {value}"
+            f"{name} {_escape_text(value)}"
             for name, value in facts.items()
             if name not in ("what", "calibration", "agent")
         )
-        yield f"- {time_s:.2f} s: {facts['what']}" + (f" ({details})" if details else "")
+        yield f"- {time_s:.2f} s: {_escape_text(facts['what'])}" + f" ({details})" * bool(details)
