@@ -212,7 +212,7 @@ def _open_session(
     log = Log(journal, film.header(protocol, trials, **fields))
     with hold_journal(journal):  # so that `recover` refuses it until the file is whole
         try:
-            session = Session(film.scene, protocol, trials, feed, log, clock)
+            session = Session(film.context, protocol, trials, feed, log, clock)
             session.name = str(path)
             try:
                 yield session
