@@ -380,3 +380,11 @@ def test_curves_that_meet_themselves():
             morph_without_folds(*pair, 5, 64)
     linear = linear_morph(eight, GLYPHS["C"], 5, 64)  # which only counts
     assert count_polygon_folds(linear)[0] > 0
+
+
+def test_a_letter_becomes_a_sliver_at_even_speed():
+    """Its last ears have no area, so the last poses on the way are equal (a warning is an error)."""
+    sliver = Curve(np.array([[0, 0], [1, 0], [0.5, 1e-4]]), True)
+    frames = morph_without_folds(GLYPHS["S"], sliver, 8, 16)
+    assert np.isfinite(frames).all() and not count_polygon_folds(frames).any()
+    assert (np.diff(path_lengths(frames)) > 0).all()

@@ -292,7 +292,8 @@ def _frames_along_path(poses: Points, frames: int, layout: ContourLayout) -> Poi
     along = path_lengths(poses)
     marks = np.linspace(0, along[-1], frames)
     last = np.clip(np.searchsorted(along, marks, side="right") - 1, 0, len(along) - 2)
-    share = ((marks - along[last]) / (along[last + 1] - along[last]))[:, None, None]
+    length = along[last + 1] - along[last]  # 0 only at the end, where the last two poses are equal
+    share = ((marks - along[last]) / np.where(length > 0, length, 1.0))[:, None, None]
     stack = (1 - share) * poses[last] + share * poses[last + 1]
     stack[0], stack[-1] = poses[0], poses[-1]
     for width in SMOOTHING:
