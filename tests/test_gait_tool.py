@@ -124,8 +124,9 @@ def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
     key1 = save_svg(tmp_path / "1.svg", leg("fore_left", -5) + leg("fore_right", 60))
     key2 = save_svg(tmp_path / "2.svg", leg("fore_left", 20) + leg("fore_right", 20))
     assert main([key1, key2, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
-    said = "leaves the picture: fore_left in 1, fore_right in 1 of 4 frames"
-    assert said in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "leaves the picture: fore_left in 1, fore_right in 1 of 4 frames" in said
+    assert "no contour or group is hind_right, hind_left of dog_walk" in said
     assert main([key2, key1, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
     assert "should stand" not in capsys.readouterr().out
     lame = leg("fore_left", 20) + '<path id="fore_right" d="M20 9H29V50H20z"/>'

@@ -128,6 +128,11 @@ def _summarise_transfer(result: Transfer, gait: Gait, seconds: float) -> str:
             f"; the ground moves {distance:.3g} widths of the drawing a cycle, feet slide"
             f" {after:.2g} % of a width ({before:.2g} % without correction)"
         )
+        if missing := [foot for foot in gait.support if foot not in result.after.slide]:
+            lines.append(
+                f"no contour or group is {', '.join(missing)} of {gait.name}: give the limb this"
+                " id, unless it is hidden"
+            )
     elif gait.support:
         feet = ", ".join(gait.support)
         lines.append(f"no contour is a foot of {gait.name} ({feet}): feet may slide")
