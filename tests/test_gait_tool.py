@@ -91,6 +91,10 @@ def test_a_gallop_takes_four_key_poses(tmp_path, capsys):
     assert main([*keys, "--gait", "horse_gallop", "-o", str(out), *SMALL]) == 0
     assert [frame["tau"] for frame in json.loads(out.read_text())["frames"]] == [0, 0.25, 0.5, 0.75]
     assert "a cycle of 0.5 s" in capsys.readouterr().out
+    few = "-o", str(out), "--points", "32", "--frames", "8"
+    for given, is_wrong in ((keys, False), (keys[::-1], True)):
+        assert main([*given, "--gait", "horse_gallop", *few]) == 0
+        assert ("in the gait's order?" in capsys.readouterr().out) == is_wrong
     for given, gait, said in (
         (keys[:2], "horse_gallop", "2 key poses for a gait of symmetry 'none'"),
         (keys, "dog_walk", "4 key poses for a gait of symmetry 'swap'"),

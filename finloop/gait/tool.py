@@ -35,6 +35,7 @@ KINDS: Mapping[Symmetry, str] = {
     "mirror": "left mirrors right",
     "none": "no symmetry, four key poses",
 }
+MOST_SLIDE_PCT = 15  # of a width, without correction; by the shipped key poses feet slide by 13
 MOST_BYTES = 10_000_000  # of a gait's file: γ per coordinate of ten limbs of 1024 points is 2 MB
 
 
@@ -128,6 +129,11 @@ def _summarise_transfer(result: Transfer, gait: Gait, seconds: float) -> str:
             f"; the ground moves {distance:.3g} widths of the drawing a cycle, feet slide"
             f" {after:.2g} % of a width ({before:.2g} % without correction)"
         )
+        if before > MOST_SLIDE_PCT:
+            lines.append(
+                f"without correction feet slide by more than {MOST_SLIDE_PCT} %: are the key poses"
+                " in the gait's order?"
+            )
         if missing := [foot for foot in gait.support if foot not in result.after.slide]:
             lines.append(
                 f"no contour or group is {', '.join(missing)} of {gait.name}: give the limb this"
