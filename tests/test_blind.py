@@ -132,7 +132,7 @@ def test_what_is_near_is_the_film_bit_for_bit_and_all_else_is_hidden():
         ordered = halves if pair.side == "left" else halves[::-1]
         for half, crop, whole in zip(ordered, pair[:2], frames, strict=True):
             y, x = np.mgrid[:size, :size]
-            far = np.hypot(*(np.stack([x, y], -1) - crop.way[tick]).transpose(2, 0, 1)) / LENGTH
+            far = np.hypot(*(np.stack([x, y], -1) - crop.centres[tick]).transpose(2, 0, 1)) / LENGTH
             wanted = whole[tick][crop.box.slices]
             assert (half[far < 0.7] == wanted[far < 0.7]).all()
             assert (half[far > 1] == AROUND).all()

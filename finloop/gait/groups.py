@@ -165,7 +165,11 @@ def _shifts_to_carrier(
 
 
 def _points_at(lines: Points, places: Floats) -> Points:
-    """Return points (frames, m, 2) of polylines (frames, n, 2) at fractional vertex numbers."""
+    """Return points (frames, m, 2) of closed polylines (frames, n, 2), between their vertices.
+
+    places (frames, m): vertex numbers, with the share of the way to the next; beyond n they go on
+    from 0.
+    """
     count = lines.shape[1]
     before = np.floor(places).astype(int)
     share = (places - before)[..., None]

@@ -40,14 +40,14 @@ _MODULUS, _FACTOR = 2**31 - 1, 16807  # of the code that hides a side from reade
 
 
 class LoneStretch(NamedTuple):
-    """Some consecutive ticks of an animal: its scene, the first tick, and its way.
+    """Some consecutive ticks of an animal: its scene, the first tick, and its centres.
 
-    scene: what is seen at once, the film or an edit list. way (ticks, 2): mass centres x, y px.
+    scene: what is seen at once, the film or an edit list. centres (ticks, 2): mass centres x, y px.
     """
 
     scene: int
     first: int
-    way: Floats
+    centres: Floats
 
 
 class BlindSource(NamedTuple):
@@ -84,31 +84,31 @@ class BlindSource(NamedTuple):
 
     def width_bl(self, stretch: LoneStretch) -> float:
         """Return the side [body lengths] of a square that holds all that is seen of a stretch."""
-        return float(np.ptp(stretch.way, axis=0).max()) / self.length_px + 2 * _SEEN_BL
+        return float(np.ptp(stretch.centres, axis=0).max()) / self.length_px + 2 * _SEEN_BL
 
     def crop(self, stretch: LoneStretch, side_px: int) -> "Crop":
-        """Return the square crop, `side_px` wide, around the middle of a stretch's way.
+        """Return the square crop, `side_px` wide, around the middle of the way of a stretch.
 
         Where it would reach beyond the picture it is moved into it.
         """
-        middle = (stretch.way.min(axis=0) + stretch.way.max(axis=0)) / 2
+        middle = (stretch.centres.min(axis=0) + stretch.centres.max(axis=0)) / 2
         left, top = (
             min(max(round(centre - (side_px - 1) / 2), 0), side - side_px)
             for centre, side in zip(middle.tolist(), self.shape[::-1], strict=True)
         )
         box = Box(top, left, top + side_px, left + side_px)
-        return Crop(stretch, box, stretch.way - (left, top), self.length_px)
+        return Crop(stretch, box, stretch.centres - (left, top), self.length_px)
 
 
 class Crop(NamedTuple):
     """What is seen of a stretch: a square box of the picture, and in it the animal's surroundings.
 
-    way (ticks, 2): mass centres, px of the box. length_px: body length.
+    centres (ticks, 2): mass centres, px of the box. length_px: body length.
     """
 
     stretch: LoneStretch
     box: Box
-    way: Floats
+    centres: Floats
     length_px: float
 
     def cut_frames(
@@ -120,7 +120,7 @@ class Crop(NamedTuple):
         colour that they fade into, (1 or 3).
         """
         y, x = np.mgrid[: self.box.bottom - self.box.top, : self.box.right - self.box.left]
-        for frame, (centre_x, centre_y) in zip(frames, self.way, strict=True):
+        for frame, (centre_x, centre_y) in zip(frames, self.centres, strict=True):
             distance_bl = np.hypot(x - centre_x, y - centre_y) / self.length_px
             seen = np.clip((_SEEN_BL - distance_bl) / (_SEEN_BL - _FADE_BL), 0, 1)
             crop = frame[self.box.slices]
