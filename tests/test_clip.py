@@ -37,6 +37,7 @@ from finloop.clip.write import circle_arena, rectangle_arena
 from finloop.drawn.carp import film as carp
 from finloop.drawn.truth import TRUTH
 from finloop.io import wheel
+from finloop.io.footage import arrays as film_arrays
 from finloop.io.footage import open_footage
 from finloop.io.footage.source import (
     CHROMA_FRACTION,
@@ -860,17 +861,64 @@ def test_the_axis_of_an_array_s_frames_is_found_by_its_levels(tmp_path, carp_fil
     assert "40 frames of 224×168 px" in footage.notes[0]
 
 
-@pytest.mark.parametrize(("size", "grain", "flicker"), [(45, 2, 0), (12, 5, 0.1)])
-def test_frames_stay_the_first_axis_of_a_plain_tank(tmp_path, size, grain, flicker):
-    """Of a large animal, and of light that flickers: columns of a plain tank are all alike."""
+def plain_tank(size: float, grain: float, flicker: float) -> np.ndarray:
+    """A film (60, 120, 160) of a dark animal on a plain tank, darker at the left."""
     rng, (y, x) = np.random.default_rng(0), np.mgrid[:120, :160]
     frames = []
     for k in range(60):
         place = 80 + 60 * np.cos(0.2 * k), 60 + 45 * np.sin(0.26 * k)
         picture = np.where(np.hypot(x - place[0], y - place[1]) < size, 60, 100 + 100 * x / 160)
         frames.append(picture * (1 + flicker * rng.normal()) + rng.normal(0, grain, x.shape))
-    np.save(path := tmp_path / "film.npy", np.clip(frames, 0, 255).astype(np.uint8))
+    return np.clip(frames, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("size", "grain", "flicker"), [(45, 2, 0), (12, 5, 0.1), (12, 2, 0.3), (5, 1, 0.3)]
+)
+def test_frames_stay_the_first_axis_of_a_plain_tank(tmp_path, size, grain, flicker):
+    """Of a large animal, and of light that flickers: columns of a plain tank are all alike."""
+    np.save(path := tmp_path / "film.npy", plain_tank(size, grain, flicker))
     assert "60 frames of 160×120 px" in open_footage(path, frame_rate_hz=10).notes[0]
+
+
+@pytest.mark.parametrize("axes", [(1, 2, 0), (1, 0, 2), (2, 1, 0)])
+def test_frames_of_a_plain_tank_are_found_along_another_axis(tmp_path, axes):
+    stored = plain_tank(12, 2, 0).transpose(axes)
+    np.save(path := tmp_path / "film.npy", np.ascontiguousarray(stored))
+    assert "is read as 60 frames" in open_footage(path, frame_rate_hz=10).notes[0]
+
+
+class ReadLog:
+    """An array, and the number of levels of each part that was read from it."""
+
+    def __init__(self, array):
+        self.array, self.sizes = array, []
+
+    def __getattr__(self, name):
+        return getattr(self.array, name)
+
+    def __getitem__(self, key):
+        part = self.array[key]
+        self.sizes.append(part.size)
+        return part
+
+
+@pytest.mark.parametrize(
+    ("chunks", "at_once"),
+    [((20, 30, 1), 1), ((20, 30, 5), 5), ((4, 5, 60), 16), (None, 16), ((20, 30, 60), 16)],
+)
+def test_frames_of_a_hdf5_file_are_read_by_its_chunks_and_fit_in_memory(
+    tmp_path, monkeypatch, chunks, at_once
+):
+    h5py = pytest.importorskip("h5py")
+    monkeypatch.setattr(film_arrays, "_MOST_BYTES", 16 * 20 * 30)  # of 16 frames
+    levels = np.random.default_rng(0).integers(0, 256, (20, 30, 60), np.uint8)
+    with h5py.File(tmp_path / "film.h5", "w") as file:
+        log = ReadLog(file.create_dataset("film", data=levels, chunks=chunks))
+        film = film_arrays.FilmArray(log, frames_axis=2)
+        frames = [film.load_frame(k) for k in range(60)]
+    np.testing.assert_array_equal(frames, np.moveaxis(levels, 2, 0))
+    assert max(log.sizes) == at_once * 20 * 30 and sum(log.sizes) == levels.size
 
 
 def test_an_array_whose_axis_of_frames_is_unsure(tmp_path):
