@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Ints
+from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import import_extra, unreadable_error
 from finloop.io.poses.pickled import load_harmless_pickle
@@ -172,8 +173,14 @@ def _poses_from_rows(
     frame (rows,): numbers; animal (rows,): names; values (rows, keypoints, 2 or 3): x, y, perhaps
     confidence. path, software: for the message.
     """
-    if pd.DataFrame({"frame": frame, "animal": animal}).duplicated().any():
-        raise unreadable_error(path, software, "several animals of a frame have the same track")
+    duplicated = pd.DataFrame({"frame": frame, "animal": animal.to_numpy()}).duplicated().to_numpy()
+    if duplicated.any():
+        name = animal[duplicated].iloc[0]
+        raise FinloopError(
+            f"{path} has several places of the animal {name} in frame {frame[duplicated][0]}",
+            f"one row for each animal in each frame, as {software} writes with tracks",
+            f"track the animals in {software}, so that each has a name, and export again",
+        )
     frames, row = np.unique(frame, return_inverse=True)
     number, names = pd.factorize(animal)
     cells = np.full((len(frames), len(names), len(keypoints), 3), np.nan)

@@ -36,6 +36,7 @@ def read_plain_csv(path: Path) -> str:
             "a CSV file",
             "export the tracks again as CSV; of a spreadsheet save the sheet as CSV",
         )
+    text = text.lstrip("\ufeff")  # a second byte-order mark, of a file that was saved twice
     text = text.replace("\u00a0", " ")  # spreadsheets write spaces that do not break a line
     lines = [line for line in text.splitlines() if line.strip(",;\t| ")]
     while lines and lines[0].startswith(("#", "sep=")):
