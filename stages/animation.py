@@ -37,6 +37,8 @@ from stages.run import report_progress
 
 OUT = Path("data/animate")
 OpenMode = Callable[[Project], Any]  # returns an Animator
+MeasureSeeds = Callable[[Sequence[int]], list[dict[str, float]]]
+"""Returns the measures of one animation for each seed."""
 SaveMore = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
 """Writes further files of a mode to a folder, and returns further numbers by name.
 
@@ -70,7 +72,10 @@ def write_animation(mode: str, open_mode: OpenMode, save_more: SaveMore | None =
             edit = _save_animation(folder, mode, animator, project, save_more)
             samples = sample_animations(animator, project.settings("realism").seconds, p)
             save_table(folder / "samples.parquet", samples, EDIT)
-            numbers = _measure_trials(open_mode, mode, p.trials, pool)
+            measure: MeasureSeeds = partial(_open_and_measure_seeds, open_mode)
+            if pool.is_alone:  # this process has opened the mode
+                measure = partial(_measure_seeds, animator, project.features)
+            numbers = _measure_trials(measure, mode, p.trials, pool)
             save_json(folder / "trials.json", _finite_numbers(numbers))
         save_table(OUT / f"{mode}.parquet", edit, EDIT)
 
@@ -155,30 +160,37 @@ def measure_pictures(
     }
 
 
-def _measure_each_seed(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, float]]:
+def _open_and_measure_seeds(open_mode: OpenMode, seeds: Sequence[int]) -> list[dict[str, float]]:
+    """Open a mode, then do as `_measure_seeds`."""
+    with Project() as project:
+        return _measure_seeds(open_mode(project), project.features, seeds)
+
+
+def _measure_seeds(
+    animator: Any, features: pd.DataFrame, seeds: Sequence[int]
+) -> list[dict[str, float]]:
     """Plan one animation to random goals for each seed; return the measures of each.
 
     They are planned without cross-fades. Their pictures are not measured, as that takes long.
+    animator: of a mode. features: the rows of the film.
     """
-    with Project() as project:
-        animator = open_mode(project)
-        plain = replace(animator.player.join_rules, kind=CUT, fade=0)
-        animator = replace(animator, player=replace(animator.player, join_rules=plain))
-        player, rows = animator.player, []
-        film_motion = measures.motion_of_film(project.features, player.world.motion)
-        for seed in seeds:
-            edit, goals = animator.trial(seed)
-            fish_measures = [
-                measures.measure_without_pictures(fish_edit, fish_goals, player, film_motion)
-                for fish_edit, fish_goals in zip(split_by_fish(edit), goals, strict=True)
-            ]
-            rows.append(
-                average_measures(fish_measures) | encounters.measure_clearance(edit, player)
-            )
+    plain = replace(animator.player.join_rules, kind=CUT, fade=0)
+    animator = replace(animator, player=replace(animator.player, join_rules=plain))
+    player, rows = animator.player, []
+    film_motion = measures.motion_of_film(features, player.world.motion)
+    for seed in seeds:
+        edit, goals = animator.trial(seed)
+        fish_measures = [
+            measures.measure_without_pictures(fish_edit, fish_goals, player, film_motion)
+            for fish_edit, fish_goals in zip(split_by_fish(edit), goals, strict=True)
+        ]
+        rows.append(average_measures(fish_measures) | encounters.measure_clearance(edit, player))
     return rows
 
 
-def _measure_trials(open_mode: OpenMode, mode: str, trials: int, pool: Workers) -> dict[str, float]:
+def _measure_trials(
+    measure: MeasureSeeds, mode: str, trials: int, pool: Workers
+) -> dict[str, float]:
     """Return the mean measures of `trials` animations to random goals, as `trials_<name>`.
 
     The result is empty without trials. Trial k has the seed k.
@@ -188,7 +200,7 @@ def _measure_trials(open_mode: OpenMode, mode: str, trials: int, pool: Workers) 
     lots = [range(trials)[first : first + lot_size] for first in range(0, trials, lot_size)]
     trial_measures: list[dict[str, float]] = []
     with report_progress(f"modes-{mode}", trials, "trials") as advance:
-        for lot_measures in ordered_map(partial(_measure_each_seed, open_mode), lots, pool):
+        for lot_measures in ordered_map(measure, lots, pool):
             trial_measures += lot_measures
             advance(len(lot_measures))
     means = pd.DataFrame(trial_measures).mean().add_prefix("trials_")
