@@ -7,12 +7,6 @@ import sys
 
 from finloop.base.process import die_with_parent
 
-LATER_IMPORTS = (
-    "dvc.cli.parser", "dvc.repo.experiments.queue.celery", "dvc.repo.graph", "dvc.repo.index",
-    "dvc.repo.open_repo", "stages.schemas",
-)  # fmt: skip
-"""Modules that DVC imports when it needs them. They bring most others, in a fifth of its time."""
-
 if __name__ == "__main__":
     from dvc.cli import main
 

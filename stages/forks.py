@@ -1,10 +1,10 @@
 """Start stages by forking a process that has imported them: `python -m stages.forks` is its server.
 
 In a run on a tiny film, stages work for 2 s and import for 6 s. In each clone of a sweep or study,
-a server imports the module of a stage when the stage first starts. DVC starts every stage as
-always; `stages.run`, the stage's first import, hands the rest of the stage to the server. The
-server forks itself. Its child has the command's output, environment and exit status, and ends when
-the command ends.
+a server imports the module of a stage when the stage first starts, and when it has run, what it has
+imported meanwhile. DVC starts every stage as always; `stages.run`, the stage's first import, hands
+the rest of the stage to the server. The server forks itself. Its child has the command's output,
+environment and exit status, and ends when the command ends.
 """
 
 from stages.run import STAGE_SOCKET  # isort: skip  (before numpy)
@@ -19,15 +19,17 @@ import socket
 import subprocess
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from select import select
 from threading import Thread
 
 from finloop.base.process import die_with_parent
 
 READY = "ready\n"  # what the server prints when it takes commands
 COMMAND_S = 10.0  # within which a command says what it is
+LONGEST_LIST = 1 << 20  # bytes of a list of modules
 
 
 @contextmanager
@@ -54,13 +56,15 @@ def open_stage_server(folder: Path) -> Iterator[None]:
             (folder / STAGE_SOCKET).unlink(missing_ok=True)
 
 
-def _serve() -> tuple[str, socket.socket]:
-    """Fork a child for each command; return in children alone: their module and their connection.
+def _serve() -> tuple[str, socket.socket, socket.socket]:
+    """Fork a child for each command; return in children alone.
 
-    A child has the standard streams, the arguments and the environment of its command, and what
-    imports have changed in the environment.
+    The result is the command's module, its connection, and a socket to the server, which imports
+    the modules that are sent there. A child has the standard streams, the arguments and the
+    environment of its command, and what imports have changed in the environment.
     """
     environment_before = dict(os.environ)
+    from_children, to_server = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(STAGE_SOCKET))
         listener.listen()
@@ -68,6 +72,9 @@ def _serve() -> tuple[str, socket.socket]:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # its children handle Ctrl-C, and need it
         print(READY, end="", flush=True)
         while True:
+            if from_children in select([listener, from_children], [], [])[0]:
+                _import_modules(json.loads(from_children.recv(LONGEST_LIST)))
+                continue
             connection, _ = listener.accept()
             streams: list[int] = []
             try:
@@ -79,10 +86,7 @@ def _serve() -> tuple[str, socket.socket]:
                 for stream in (*streams, connection.detach()):
                     os.close(stream)
                 continue
-            with suppress(Exception):  # the child raises it again
-                later = getattr(importlib.import_module(module), "LATER_IMPORTS", ())
-                for name in later:
-                    importlib.import_module(name)
+            _import_modules([module])
             gc.freeze()  # a child's collector examines none of what is imported
             is_child = os.fork() == 0
             for number, stream in enumerate(streams):
@@ -95,8 +99,15 @@ def _serve() -> tuple[str, socket.socket]:
                 changed = set(os.environ.items()) - set(environment_before.items())
                 os.environ.clear()
                 os.environ.update(environment | dict(changed))
-                return module, connection
+                return module, connection, to_server
             connection.close()
+
+
+def _import_modules(names: Iterable[str]) -> None:
+    """Import modules; leave out those that fail: a child raises the error again."""
+    for name in names:
+        with suppress(Exception):
+            importlib.import_module(name)
 
 
 def _end_with_command(connection: socket.socket) -> None:
@@ -114,8 +125,12 @@ def main() -> None:
     """
     die_with_parent()
     gc.disable()
-    module, connection = _serve()
+    # PyTorch imports Triton, whose LLVM and that of a renderer cannot share a process: no stage
+    # loads both, but the server would.
+    sys.modules.setdefault("triton", None)  # type: ignore[arg-type]
+    module, connection, server = _serve()
     die_with_parent()
+    loaded = {*sys.modules, module}
     gc.enable()
     connection.settimeout(None)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # else it learns no status of its own children
@@ -134,6 +149,8 @@ def main() -> None:
     if isinstance(status, str):
         print(status, file=sys.stderr)
     number = status if isinstance(status, int) else int(status is not None)
+    with suppress(OSError):  # the server has ended
+        server.send(json.dumps([name for name in sys.modules if name not in loaded]).encode())
     connection.send(bytes([number % 256]))
     sys.exit(number)
 

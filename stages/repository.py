@@ -46,12 +46,17 @@ def run_git(*arguments: str, folder: Path | None = None) -> str:
 
 
 def run_dvc(*arguments: str, folder: Path, processes: int = THREADS) -> tuple[bool, str]:
-    """Run a DVC command in a folder; return whether it succeeds, and its output.
+    """Run a DVC command as in `run_python`; return whether it succeeds, and its output."""
+    return run_python(*DVC[1:], *arguments, folder=folder, processes=processes)
+
+
+def run_python(*arguments: str, folder: Path, processes: int) -> tuple[bool, str]:
+    """Run Python with arguments in a folder; return whether it succeeds, and its output.
 
     processes: the number of processes on which a stage works.
     """
     process = subprocess.run(
-        [*DVC, *arguments],
+        [sys.executable, *arguments],
         cwd=folder, text=True, check=False, env=os.environ | {PROCESSES: str(processes)},
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip

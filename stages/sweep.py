@@ -1,9 +1,9 @@
 """Run a sweep: `python -m stages.sweep learning_rate`, or `python -m stages.sweep bpn.epochs=5,50`.
 
 `make sweep experiment=learning_rate S="…"` calls it, with the text of S in the variable SWEEP.
-Every run is a `dvc exp run` on the present commit, with the present params.yaml. The runs are made
-in copies of the workspace that share its cache, one copy per processor. The workspace does not
-change. Cached results of stages, and experiments with the same code and parameters, are reused.
+Every run becomes an experiment of DVC on the present commit, with the present params.yaml. The runs
+are made in copies of the workspace that share its cache, one copy per processor. The workspace does
+not change. Cached results of stages, and experiments with the same code and parameters, are reused.
 """
 
 from stages.run import THREADS, report_progress, run  # isort: skip  (before numpy)
@@ -49,7 +49,14 @@ from stages.compose import (
 from stages.experiment import FOLDER, Experiment
 from stages.forks import open_stage_server
 from stages.pull import cache_committed_numbers
-from stages.repository import failure_lines, list_experiments, read_git_user, run_dvc, run_git
+from stages.repository import (
+    failure_lines,
+    list_experiments,
+    read_git_user,
+    run_dvc,
+    run_git,
+    run_python,
+)
 from stages.settings import CONF, LOCAL, PARAMS, list_overrides, read_params
 from stages.trials import make_trials
 
@@ -85,8 +92,8 @@ def _clone(root: Path, folder: Path, cache: str) -> None:
 def drop_lock_without_results(lock: Path, cache: Path) -> None:
     """Remove a dvc.lock that names a folder of results that DVC's cache lacks.
 
-    lock: the file; cache: folder of the cache. `dvc exp run` stops at such a lock as soon as it
-    takes a stage from the cache: it looks up the folders that the lock names.
+    lock: the file; cache: folder of the cache. DVC stops at such a lock as soon as it takes a stage
+    from the cache: it looks up the folders that the lock names.
     """
     if not lock.is_file():
         return
@@ -127,13 +134,12 @@ def _make_run(name: str, changes: list[str], stages: list[str], clone: Path, pro
 
     changes: overrides. stages: to run, all if empty. processes: the number of processes of a stage.
     """
-    options = [text for change in changes for text in ("-S", change)]
-    command = "exp", "run", "--name", name, *options, *stages
-    succeeds, text = run_dvc(*command, folder=clone, processes=processes)
+    options = [f"--stage={stage}" for stage in stages]
+    command = "-m", "stages.make_run", name, *changes, *options
+    succeeds, text = run_python(*command, folder=clone, processes=processes)
     if not succeeds:
         return "\n    ".join(failure_lines(text))
-    refs = run_git("for-each-ref", "--format=%(refname)", "refs/exps", folder=clone).split()
-    (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
+    ref = f"refs/exps/*/{name}"
     run_git("fetch", "--quiet", "--no-write-fetch-head", str(clone), f"+{ref}:{ref}")
     return ""
 

@@ -38,6 +38,7 @@ from stages import compose
 from stages.compare import describe_unknown
 from stages.compose import compose_params
 from stages.experiment import Experiment, parse_values
+from stages.make_run import keep_experiment
 from stages.repository import find_experiments, list_experiments, read_git_user, run_git
 from stages.settings import list_overrides as overrides_of
 from stages.sweep import describe_doubtful_measures, describe_run, plan_sweep
@@ -479,6 +480,37 @@ def test_a_finished_run_is_one_line(tmp_path):
 
 def git(folder: Path, *arguments: str) -> None:
     subprocess.run(["git", *arguments], cwd=folder, check=True, capture_output=True)
+
+
+def test_an_experiment_has_what_git_tracks_and_what_stages_read_or_write(tmp_path, monkeypatch):
+    """And nothing else of the folder, such as a film. The commit itself stays as it is."""
+    monkeypatch.chdir(tmp_path)
+    stage = {"cmd": "x", "deps": ["conf"], "outs": ["data/a"], "metrics": [{"a.json": {}}]}
+    (tmp_path / "dvc.yaml").write_text(yaml.safe_dump({"stages": {"a": stage}}))
+    (tmp_path / ".gitignore").write_text("/data\n")
+    (tmp_path / "kept.txt").write_text("old")
+    (tmp_path / "gone.txt").touch()
+    git(tmp_path, "init", "--quiet", ".")
+    for key in ("user.name", "user.email"):
+        git(tmp_path, "config", key, "a@example.org")
+    git(tmp_path, "add", "--all")
+    git(tmp_path, "commit", "--quiet", "--message", "first version")
+    head = run_git("rev-parse", "HEAD")
+    (tmp_path / "kept.txt").write_text("new")
+    (tmp_path / "gone.txt").unlink()
+    for name in ("conf/new.yaml", "data/a", "a.json", "params.yaml", "dvc.lock", "film.mp4"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    keep_experiment("one")
+    (commit,) = find_experiments(["one"]).values()
+    assert run_git("rev-parse", "HEAD") == head == run_git("rev-parse", f"{commit}~1")
+    assert run_git("ls-tree", "-r", "--name-only", commit).split() == [
+        ".gitignore", "a.json", "conf/new.yaml", "dvc.lock", "dvc.yaml", "kept.txt", "params.yaml",
+    ]  # fmt: skip
+    assert run_git("show", f"{commit}:kept.txt") == "new"
+    (tmp_path / "a.json").unlink()  # the next run in the same folder does not make it
+    keep_experiment("two")
+    assert run_git("diff", "--name-only", commit, find_experiments(["two"])["two"]) == "a.json\n"
 
 
 def test_each_lack_of_git_has_its_own_advice(tmp_path, monkeypatch):

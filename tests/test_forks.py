@@ -89,6 +89,16 @@ def test_a_forked_stage_does_what_it_does_alone(folder, tmp_path, code):
     assert ends[0] == ends[1] and "sunfish" in ends[0][0]
 
 
+def test_a_stage_finds_loaded_what_an_earlier_one_has_imported(folder):
+    statuses = []
+    for name in ("colorsys", "gone", "colorsys"):  # `gone` cannot be imported: nothing changes
+        code = f"loaded = 'colorsys' in sys.modules; import {name}; sys.exit(3 * loaded)"
+        command, _, _ = start(folder, code)
+        command.communicate()
+        statuses.append(command.returncode)
+    assert statuses == [0, 1, 3]
+
+
 def test_ctrl_c_ends_a_forked_stage_as_it_ends_one_alone(folder):
     command, pid, _ = start(folder, "time.sleep(60)")
     for process in (command.pid, psutil.Process(pid).ppid(), pid):  # as a terminal signals them all
