@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from tiny_run import STAGES, TinyRun, link_given
 
 import stages.forecast
 import stages.modes.matching
+import stages.realism
 from benchmarks.pipeline import with_dependencies
 from finloop.edit.modes import MODES
 from finloop.io.numbers import load_numbers
@@ -45,15 +47,23 @@ def refuse(*_: Any) -> None:
     raise NothingToUse("left out", "a mode that a sweep measures", "nothing")
 
 
+def leave_out_unmeasured(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(stages.forecast, "split_held_out", refuse)
+    patch.setattr(stages.modes.matching, "open_mode", refuse)
+    patch.setattr(stages.realism.PictureSample, "judge", lambda *_: {})
+
+
 class SweptRun(TinyRun):
-    """What stages make of FILM, but for mode `matching`: no sweep measures it, and it takes long."""
+    """What stages make of FILM, but for mode `matching` and how realism judges by pictures.
+
+    No sweep measures these, and they take long.
+    """
 
     overrides = FILM
 
     def _run(self, word: str) -> None:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(stages.forecast, "split_held_out", refuse)
-            patch.setattr(stages.modes.matching, "open_mode", refuse)
+            leave_out_unmeasured(patch)
             super()._run(word)
 
 
@@ -99,6 +109,7 @@ def test_another_value_of_a_sweep_moves_its_measures(path, swept_run, tmp_path, 
     asked = sweeper(path)
     if "params" not in asked:
         pytest.skip("an experiment, no sweep")
+    assert not re.search(r"matching_|realism\.\w*picture", " ".join(asked["measures"]))
     ((name, values),) = asked["params"].items()
     value = VALUES.get(name, values.partition(",")[0])
     words = stages_that_follow(name.partition(".")[0], asked["measures"])
@@ -108,6 +119,7 @@ def test_another_value_of_a_sweep_moves_its_measures(path, swept_run, tmp_path, 
     prepare(tmp_path, *FILM, f"{name}={value}")
     with monkeypatch.context() as patch:
         patch.chdir(tmp_path)
+        leave_out_unmeasured(patch)
         for word in words:
             importlib.import_module(f"stages.{word.replace('-', '.')}").main()
     other = numbers(tmp_path, asked["measures"])
