@@ -5,6 +5,7 @@ import builtins
 import re
 from collections.abc import Iterator
 from dataclasses import fields
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -125,6 +126,7 @@ def test_every_import_of_a_guide_is_there(guide):
             assert not missing, (module, missing)
 
 
+@cache  # three pages ask
 def names_of_program() -> set[str]:
     """What finloop, its stages and its tests define: functions, classes, fields, constants."""
     found = set[str]()
