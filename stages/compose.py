@@ -10,6 +10,7 @@ from stages.run import run  # isort: skip
 
 import argparse
 import json
+import os
 import re
 import sys
 from collections.abc import Mapping
@@ -29,7 +30,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from finloop.base.errors import FinloopError
 from finloop.base.override import quote_override
-from finloop.base.settings import GROUPS, check_values, full_names, variants
+from finloop.base.settings import GROUPS, check_values, full_names, variants, yaml_error
 from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
 from stages.conflicts import find_conflicts
@@ -52,7 +53,24 @@ def compose_params(overrides: list[str]) -> str:
             compose_and_dump(str(output), str(root / CONF), None, "config", str(root), overrides)
         except (HydraException, OmegaConfBaseException) as error:
             raise _as_user_error(error, overrides) from error
+        except (UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+            raise yaml_error(_find_damaged_file(error), error) from error
         return output.read_text(encoding="utf-8")
+
+
+def _find_damaged_file(error: Exception) -> Path:
+    """Return the file of conf/ that is no YAML; conf/ itself if all are.
+
+    error: what the parser raised, which mostly names the file.
+    """
+    if mark := getattr(error, "problem_mark", None):
+        return Path(os.path.relpath(mark.name))
+    for path in sorted(CONF.rglob("*.yaml")):
+        try:
+            yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
+        except (UnicodeDecodeError, yaml.YAMLError, RecursionError):
+            return path
+    return CONF
 
 
 def refuse_wrong_values(values: Mapping[str, Mapping[str, Any]], overrides: list[str]) -> None:

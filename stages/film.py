@@ -77,7 +77,8 @@ def name_films(films: list[str], local: Path) -> str:
     A file that names these films already stays unchanged. Other content is replaced; it is saved as
     a backup unless this function wrote it.
     """
-    old_text = local.read_text(encoding="utf-8") if local.is_file() else ""
+    old = local.read_bytes() if local.is_file() else b""
+    old_text = old.decode(errors="replace")
     old_films = _films_in_local_conf(old_text)
     if old_films == films:
         return f"{local} names the film already, and is left as it is"
@@ -85,7 +86,7 @@ def name_films(films: list[str], local: Path) -> str:
     if old_text and old_text != local_conf_text(old_films):
         backups = (local.with_name(f"{local.name}.before-{number}") for number in count(1))
         backup = next(path for path in backups if not path.exists())
-        save_bytes(backup, old_text.encode())
+        save_bytes(backup, old)
         note = f"; what it held before is kept in {backup}"
     save_bytes(local, local_conf_text(films).encode())
     return f"{local} names the film{note}"

@@ -7,7 +7,7 @@ the rest of the stage to the server. The server forks itself. Its child has the 
 environment and exit status, and ends when the command ends.
 """
 
-from stages.run import STAGE_SOCKET  # isort: skip  (before numpy)
+from stages.run import STAGE_SOCKET, print_error  # isort: skip  (before numpy)
 
 import gc
 import importlib
@@ -18,7 +18,6 @@ import signal
 import socket
 import subprocess
 import sys
-import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -144,8 +143,8 @@ def main() -> None:
         status = 0
     except SystemExit as end:
         status = end.code
-    except BaseException:
-        traceback.print_exc()
+    except BaseException as error:
+        print_error(type(error), error, error.__traceback__)
     if isinstance(status, str):
         print(status, file=sys.stderr)
     number = status if isinstance(status, int) else int(status is not None)

@@ -23,7 +23,6 @@ DVC runs a stage in the repository's root, so a stage's paths are relative to th
 """
 
 import contextlib
-import errno
 import gc
 import importlib.util
 import json
@@ -34,17 +33,17 @@ import signal
 import socket
 import sys
 import time
-import traceback
 import webbrowser
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
+from types import TracebackType
 from typing import NoReturn
 
 from finloop.base.digits import round_significant
-from finloop.base.errors import FREE_SPACE, FinloopError
+from finloop.base.errors import FinloopError, user_error
 from finloop.base.finding import FINDINGS_NAME, Finding
 from finloop.base.process import die_with_parent
 from finloop.base.program import HOME, describe_program, holds_sources
@@ -168,56 +167,64 @@ def run(main: Callable[[], None]) -> NoReturn:
     gc.enable()  # it was off during the imports
     try:
         _require_own_program()
+        _require_output_places()
         main()
         _note_origins()
     except KeyboardInterrupt:
         print("\nfinloop: interrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
     except Exception as error:
-        message = _as_user_error(error)
-        if message is None:
-            traceback.print_exc()
-            message = FinloopError(
-                f"an error in the program itself: {type(error).__name__}: {error}",
-                "no error, or a message with a remedy",
-                "report it, with the traceback above",
-            )
-        sys.exit(f"finloop: {message}")
+        print_error(type(error), error, error.__traceback__)
+        sys.exit(1)
     sys.exit(0)
+
+
+def print_error(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    """Print an error's message on stderr; of an unforeseen exception its traceback, too.
+
+    It takes what `sys.excepthook` takes, and stands there: so it also reports what the imports of a
+    stage raise.
+    """
+    message = user_error(error) if isinstance(error, Exception) else None
+    if message is None:
+        sys.__excepthook__(kind, error, trace)
+        if not isinstance(error, Exception):
+            return
+        message = FinloopError(
+            f"an error in the program itself: {type(error).__name__}: {error}",
+            "no error, or a message with a remedy",
+            "report it, with the traceback above",
+        )
+    print(f"finloop: {message}", file=sys.stderr)
+
+
+def _stage_name() -> str:
+    """Return the name in dvc.yaml of the module that `python -m` runs; "" for another program."""
+    module = sys.modules["__main__"].__spec__  # None unless started by `python -m`
+    return module.name.removeprefix("stages.").replace(".", "-") if module else ""
+
+
+def _require_output_places() -> None:
+    """Raise FinloopError if an output of the present stage could not be written, or is a link.
+
+    Otherwise the stage or DVC, which takes no link, would say so after the work.
+    """
+    if name := _stage_name():
+        from finloop.io.atomic import require_output_place
+        from stages.origins import output_paths, read_stages  # not at the top: they need YAML
+
+        for path in output_paths(read_stages().get(name, {})):
+            require_output_place(Path(path))
 
 
 def _note_origins() -> None:
     """Write into a stage's folder what it was made from; do nothing if no stage runs."""
-    module = sys.modules["__main__"].__spec__  # None unless started by `python -m`
-    if module is not None:
+    if name := _stage_name():
         from stages.origins import note_origins  # not at the top: it needs the right Python
 
-        note_origins(module.name.removeprefix("stages.").replace(".", "-"))
-
-
-def _as_user_error(error: Exception) -> FinloopError | None:
-    """Return the message for an error that the user can remedy; None for any other error."""
-    if isinstance(error, FinloopError):
-        return error
-    if isinstance(error, MemoryError):
-        return FinloopError(
-            f"out of memory ({error})" if str(error) else "out of memory",
-            "memory for a few frames and the tables",
-            "close other programs, or take a clip with smaller frames",
-        )
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return FinloopError(
-            f"the disk is full ({error.filename or 'while writing'})",
-            "room for this stage's output; incomplete files are removed",
-            f"{FREE_SPACE}, then: dvc repro",
-        )
-    if isinstance(error, OSError) and error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
-        return FinloopError(
-            f"{error.filename or 'a file'}: {error.strerror}",
-            "a folder that can be read and written",
-            "give yourself the right to (ls -ld, chmod), or work in a clone on another disk",
-        )
-    return None
+        note_origins(name)
 
 
 def open_in_browser(url: str) -> None:
@@ -330,3 +337,6 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name} must be a number, got {value!r}")
     save_numbers(path.parent, values, METRICS.get(path.parent.name, []))
+
+
+sys.excepthook = print_error

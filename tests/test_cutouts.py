@@ -1,5 +1,9 @@
 """The cut-out store and the other files of `extract`: round trips, and what is damaged is said."""
 
+import os
+import resource
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -9,7 +13,7 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema
 from finloop.extract.table import SceneFacts
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import require_output_place, whole_file, whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts, tracks_writer
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import load_record, save_record
@@ -241,3 +245,50 @@ def test_what_fails_leaves_the_file_as_it_was_and_a_full_disk_is_said(tmp_path, 
     assert ("disk is full" in str(caught.value)) == isinstance(error, OSError)
     assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
     assert path.read_text() == "before"
+
+
+@pytest.mark.parametrize("write", [whole_file, whole_folder])
+def test_a_limit_of_the_size_of_files_is_said_and_nothing_is_lost(tmp_path, write):
+    path = tmp_path / "out"
+    with write(path) as part:
+        part.mkdir(exist_ok=True) if write is whole_folder else part.write_text("before")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(FinloopError, match="out: the file would be larger"):
+            with write(path) as part:
+                (part / "a" if write is whole_folder else part).write_bytes(bytes(2000))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+    assert path.is_dir() or path.read_text() == "before"
+
+
+def no_work(write, path):
+    """What is said before the work."""
+    with pytest.raises(FinloopError) as caught, write(path):
+        pytest.fail("the work begins")
+    return caught.value.came
+
+
+def test_what_stands_in_the_way_of_an_output_is_noticed_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("elsewhere").mkdir()
+    Path("elsewhere/kept").touch()
+    Path("link").symlink_to("elsewhere")
+    Path("broken").symlink_to("nowhere")
+    Path("file").touch()
+    for name in ("link", "broken"):
+        assert f"{name} is a link to " in no_work(whole_folder, Path(name))
+        with pytest.raises(FinloopError, match=f"{name} is a link to "):
+            require_output_place(Path(name))
+    assert no_work(whole_folder, Path("file")) == "file is a file"
+    assert no_work(whole_file, Path("elsewhere")) == "elsewhere is a folder"
+    for path, came in (("link/x", "link is a link to"), ("file/x/y", "file is a file")):
+        with pytest.raises(FinloopError, match=came):
+            require_output_place(Path(path))
+    require_output_place(Path("new/x"))
+    monkeypatch.setattr(os, "access", lambda *_: False)  # as root may write anywhere
+    with pytest.raises(FinloopError, match="elsewhere: it cannot be written"):
+        require_output_place(Path("elsewhere/x/y"))
+    assert sorted(map(str, Path.cwd().rglob("kept"))) == [str(tmp_path / "elsewhere/kept")]

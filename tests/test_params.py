@@ -553,6 +553,12 @@ def test_ones_own_film_and_settings_are_composed_every_time(own_folder):
         ("# @package _global_\nclip.seed: 5", "in a file write clip: {seed: value}"),
         ("# @package _global_\nclop: {seed: 5}", "did you mean clip?"),
         ("# @package _global_\ndefaults: [/clip: carp]", "'- override /clip: carp' below `def"),
+        ("clip: [5", "local/default.yaml, line 1, column 9: expected ',' or ']'"),
+        (
+            "clip: !!python/object:os.system {}",
+            "default.yaml, line 1, column 7: could not determine",
+        ),
+        ("clip: " + "[" * 3000, "local/default.yaml: it is nested too deeply"),
     ],
 )
 def test_a_mistake_in_ones_own_settings_is_answered_by_what_to_write(own_folder, text, answer):
@@ -560,6 +566,25 @@ def test_a_mistake_in_ones_own_settings_is_answered_by_what_to_write(own_folder,
     with pytest.raises(FinloopError) as refusal:
         compose_params([])
     assert answer in str(refusal.value)
+
+
+def test_settings_in_another_coding_are_named(own_folder):
+    LOCAL.write_bytes("# Größe\n".encode("latin-1"))
+    with pytest.raises(FinloopError, match=r"local/default\.yaml: 'utf-8' codec can't decode"):
+        compose_params([])
+
+
+def test_a_conf_that_is_no_yaml_is_named_before_anything_is_composed(tmp_path):
+    for name in ("conf", "finloop", "stages"):  # of a working copy
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "conf/config.yaml").write_text("defaults: [\n")
+    (tmp_path / "dvc.yaml").touch()
+    done = subprocess.run(
+        [sys.executable, "-m", "stages.clip"], cwd=tmp_path, text=True, capture_output=True,
+        env=os.environ | {"PYTHONPATH": ""},
+    )  # fmt: skip
+    assert done.returncode == 1 and "conf/config.yaml, line 2, column 1: " in done.stderr
+    assert "Traceback" not in done.stderr and "  wanted: YAML" in done.stderr
 
 
 def test_an_edit_of_ones_own_settings_is_never_passed_over(own_folder):

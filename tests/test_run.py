@@ -6,6 +6,7 @@ import math
 import os
 import pty
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -50,10 +51,23 @@ def test_a_stage_that_returns_ends_well(capsys):
         (FinloopError("came", "a", "b"), "finloop: came\n  wanted: a\n  do:     b"),
         (MemoryError("Unable to allocate 9 GiB"), "out of memory (Unable to allocate 9 GiB)"),
         (MemoryError(), "out of memory\n"),
-        (OSError(errno.ENOSPC, "No space left", "data/clip/clip.mp4"), "disk is full (data/clip/"),
-        (OSError(errno.EDQUOT, "Quota exceeded"), "disk is full"),
+        (
+            OSError(errno.ENOSPC, "No space left", "data/clip.mp4"),
+            "data/clip.mp4: the disk is full",
+        ),
+        (OSError(errno.EDQUOT, "Quota exceeded"), "finloop: the disk is full"),
+        (
+            OSError(errno.EFBIG, "File too large", "data/jumps"),
+            "data/jumps: the file would be larger",
+        ),
         (OSError(errno.EROFS, "Read-only file system", "params.yaml"), "params.yaml: Read-only"),
         (OSError(errno.EACCES, "Permission denied", "data"), "data: Permission denied"),
+        (FileExistsError(errno.EEXIST, "File exists", "data"), "data: File exists"),
+        (FileNotFoundError(errno.ENOENT, "No such file", "fish.svg"), "fish.svg: No such file"),
+        (OSError(errno.EMFILE, "Too many open files"), "finloop: Too many open files"),
+        (OSError(errno.EIO, "Input/output error", "a", None, "b"), "b: Input/output error"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), "out of memory ([Errno 12] Cannot"),
+        (RuntimeError("can't start new thread"), "out of memory (can't start new thread)"),
     ],
 )
 def test_a_foreseen_error_is_one_message(error, said, capsys):
@@ -67,6 +81,14 @@ def test_a_full_disk_is_recognised_when_it_happens(capsys):
             file.write("x")
 
     assert "disk is full" in run_to_exit(main, capsys)[1]
+
+
+def test_a_stage_does_not_begin_where_an_output_is_a_link(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(door, "_stage_name", lambda: "extract")
+    Path("data").symlink_to("another disk")
+    code, text = run_to_exit(fails(AssertionError("it begins")), capsys)
+    assert code == 1 and text.startswith("finloop: data is a link to another disk")
 
 
 def test_a_bug_keeps_its_traceback_and_is_named_last(capsys):
@@ -200,12 +222,18 @@ def test_a_temporary_experiment_brings_what_its_repository_has_compiled(tmp_path
 @pytest.mark.skipif(sys.platform != "linux", reason="PR_SET_PDEATHSIG is Linux's")
 @pytest.mark.parametrize("by_dvc", [True, False])
 def test_a_stage_ends_with_dvc_however_dvc_ends(by_dvc):
-    stage = "import stages.run, time; print('up', flush=True); time.sleep(60)"
+    # 2: PR_GET_PDEATHSIG, the signal that comes when the parent ends, 0 for none
+    stage = (
+        "import stages.run, ctypes, signal\n"
+        "number = ctypes.c_int()\n"
+        "ctypes.CDLL(None).prctl(2, ctypes.byref(number))\n"
+        "print(number.value, flush=True)\n"
+        "signal.pause()"
+    )
     parent_code = (
         "import subprocess, sys\n"
         f"child = subprocess.Popen([sys.executable, '-c', {stage!r}], stdout=subprocess.PIPE)\n"
-        "child.stdout.readline()\n"
-        "print(child.pid, flush=True)\n"
+        "print(int(child.stdout.readline()), child.pid, flush=True)\n"
         "child.wait()"
     )
     env = {key: value for key, value in os.environ.items() if key != "DVC_STAGE"}
@@ -214,8 +242,10 @@ def test_a_stage_ends_with_dvc_however_dvc_ends(by_dvc):
     command = [sys.executable, "-c", parent_code]
     with subprocess.Popen(command, env=env, cwd=ROOT, stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
-        child = psutil.Process(int(parent.stdout.readline()))
+        end_signal, number = map(int, parent.stdout.readline().split())
+        child = psutil.Process(number)
         parent.kill()
-    assert wait_for(lambda: not alive(child), 30 if by_dvc else 0.5) == by_dvc
+    assert end_signal == (signal.SIGKILL if by_dvc else 0)
     if not by_dvc:
         child.kill()
+    assert wait_for(lambda: not alive(child))

@@ -50,7 +50,14 @@ def default_variants(conf: Path = CONF) -> dict[str, str]:
     conf: the folder conf/, absolute. Optional entries and those without a variant are left out.
     """
     options = dict[str, str]()
-    for entry in _load_yaml(conf / "config.yaml")["defaults"]:
+    path = conf / "config.yaml"
+    entries = _load_yaml(path).get("defaults")
+    if not isinstance(entries, list):
+        raise FinloopError(
+            f"{path} has no list `defaults`", "the groups of parameters, a line each",
+            f"git checkout {path}",
+        )  # fmt: skip
+    for entry in entries:
         if isinstance(entry, dict):
             for word, option in entry.items():
                 if not word.startswith("optional "):
@@ -59,8 +66,30 @@ def default_variants(conf: Path = CONF) -> dict[str, str]:
 
 
 def _load_yaml(path: Path) -> dict[str, Any]:
-    """Return the content of a YAML file, which is a mapping."""
-    return yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
+    """Return the content of a YAML file, a mapping; FinloopError if it is anything else."""
+    try:
+        values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
+    except (UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+        raise yaml_error(path, error) from error
+    if not isinstance(values, dict):
+        raise yaml_error(path, ValueError("it holds no `name: value`"))
+    return values
+
+
+def yaml_error(path: Path, error: Exception) -> FinloopError:
+    """Return the error for a file that is no YAML of ours; it names the line, where that is known.
+
+    error: what the parser raised.
+    """
+    mark = getattr(error, "problem_mark", None)
+    line = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    is_deep = isinstance(error, RecursionError)
+    why = "it is nested too deeply" if is_deep else getattr(error, "problem", None) or str(error)
+    return FinloopError(
+        f"{path}{line}: {why:.500}",
+        "YAML in UTF-8, `name: value` in each line, without tags (!…)",
+        "correct the file; a text with : # { [ ! & * or % stands in quotes",
+    )
 
 
 GROUPS = tuple(default_variants())

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
 
-from finloop.base.errors import FinloopError
+from finloop.base.errors import user_error
 
 
 def run_tool(output: Path, work: Callable[[], str]) -> int:
@@ -16,11 +16,11 @@ def run_tool(output: Path, work: Callable[[], str]) -> int:
     """
     try:
         summary = work()
-    except FinloopError as error:
-        print(f"finloop: {error}", file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(f"finloop: {output} cannot be written ({error.strerror})", file=sys.stderr)
+    except Exception as error:
+        message = user_error(error)
+        if message is None:
+            raise
+        print(f"finloop: {message}", file=sys.stderr)
         return 1
     print(f"{output}: {summary}")
     return 0

@@ -16,9 +16,9 @@ from pathlib import Path
 
 from rich.filesize import decimal
 
-from finloop.base.errors import FREE_SPACE, FinloopError
+from finloop.base.errors import FREE_SPACE, MOVE_AWAY, FinloopError, user_error
 
-_NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
+_NO_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 @contextmanager
@@ -26,8 +26,10 @@ def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path for a file; rename that file to `path` when the block succeeds.
 
     So the file is written completely or not at all: else `path` does not change. FinloopError if
-    the disk is full.
+    the disk is full, `path` is a folder, or it cannot be written.
     """
+    if path.is_dir():
+        raise FinloopError(f"{path} is a folder", "a file, or nothing of that name", MOVE_AWAY)
     with _temporary_path(path, f".{path.stem}.{_process_tag()}.part{path.suffix}") as part:
         yield part
         _flush_to_disk(part)
@@ -40,8 +42,9 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """Yield a temporary folder; let it replace the folder `path` when the block succeeds.
 
     So the folder is filled completely or not at all: after an exception `path` is unchanged.
-    FinloopError if the disk is full.
+    FinloopError if the disk is full, `path` is a file or a link, or it cannot be written.
     """
+    require_folder_place(path)
     with _temporary_path(path, f".{path.name}.{_process_tag()}.part") as part:
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
@@ -49,9 +52,43 @@ def whole_folder(path: Path) -> Iterator[Path]:
         for inner in part.rglob("*"):
             _flush_to_disk(inner)
         _flush_to_disk(part)
-        shutil.rmtree(path, ignore_errors=True)
+        old = part.with_name(f"{part.name}.old")  # removed last, so that nothing is lost before
+        with suppress(FileNotFoundError):
+            path.replace(old)
         part.replace(path)
+        _remove_path(old)
     _flush_to_disk(path.parent)
+
+
+def require_folder_place(path: Path) -> None:
+    """Raise FinloopError if a new folder could not replace what stands at `path`."""
+    require_no_link(path)
+    if path.exists() and not path.is_dir():
+        raise FinloopError(f"{path} is a file", "a folder, or nothing of that name", MOVE_AWAY)
+
+
+def require_no_link(path: Path) -> None:
+    """Raise FinloopError if `path` is a link: what replaces it would not be where that leads."""
+    if path.is_symlink():
+        raise FinloopError(
+            f"{path} is a link to {path.readlink()}, and an output would replace the link",
+            "a file or folder, or nothing of that name",
+            f"remove the link (rm {path}); for room on another disk, clone the repository there",
+        )
+
+
+def require_output_place(path: Path) -> None:
+    """Raise FinloopError if an output of a stage could not be written, before it is made.
+
+    path: relative to the present folder. Neither it nor a folder above it may be a link.
+    """
+    for folder in reversed(path.parents):
+        require_folder_place(folder)
+    require_no_link(path)
+    folder = next(folder for folder in path.parents if folder.exists())
+    if not os.access(folder, os.W_OK):
+        error = PermissionError(errno.EACCES, "it cannot be written", str(folder.absolute()))
+        raise user_error(error) or error
 
 
 @contextmanager
@@ -65,7 +102,7 @@ def temporary_file(path: Path) -> Iterator[Path]:
 def _temporary_path(path: Path, name: str) -> Iterator[Path]:
     """Yield the path of a hidden file or folder beside `path`; remove it when the block ends.
 
-    name: of that file or folder. FinloopError if the disk is full.
+    name: of that file or folder. FinloopError if the disk is full, or it cannot be written.
     """
     part = path.with_name(name)
     try:
@@ -73,13 +110,13 @@ def _temporary_path(path: Path, name: str) -> Iterator[Path]:
         _remove_leftovers(path.parent)
         yield part
     except OSError as error:
-        if error.errno not in _NO_SPACE:
+        # Name the output that was asked for, not the hidden one, nor a file inside a hidden folder.
+        is_inner = _process_tag() in str(path.parent)
+        is_own = str(error.filename or "").startswith(str(part)) or error.errno in _NO_SPACE
+        message = user_error(error, path) if is_own and not is_inner else None
+        if message is None:
             raise
-        raise FinloopError(
-            came=f"the disk is full: {path} could not be written, and no part of it was kept",
-            wanted="room for the whole output",
-            do=f"{FREE_SPACE}, then run the same command again",
-        ) from error
+        raise message from error
     finally:
         _remove_path(part)
 
