@@ -46,9 +46,14 @@ SMALL_GAIT = {
     "dog_frames": 32, "dog_cycles": 2.0, "dog_width_px": 160, "frame_rate_hz": 8.0, "size_px": 64,
 }  # fmt: skip
 
-# On a busy machine any example takes long, and so does drawing it.
-settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# On a busy machine any example takes long, and so does drawing it; the same ones come every time.
+settings.register_profile(
+    "untimed", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("untimed")
+
+PATIENCE_S = 120.0
+"""After which a test takes it that nothing will come: a hang ends, a busy machine does not."""
 
 SLOW = ("pipeline",
         "gait_stage", "experiment", "params", "carp", "mend", "bpn",
@@ -165,9 +170,9 @@ def alive(process: psutil.Process) -> bool:
         return False
 
 
-def wait_for(look: Callable[[], Any], seconds: float, every: float = 0.005) -> Any:
+def wait_for(look: Callable[[], Any], every: float = 0.005) -> Any:
     """What `look` returns as soon as that is true; what it returns in the end if it never is."""
-    end = time.monotonic() + seconds
+    end = time.monotonic() + PATIENCE_S
     while not (result := look()) and time.monotonic() < end:
         time.sleep(every)
     return result

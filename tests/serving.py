@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from conftest import PATIENCE_S
+
 from finloop.live.web import bind_socket
 
 
@@ -32,10 +34,10 @@ def serving(
 
         runs = threading.Thread(target=serve)
         runs.start()
-        assert up.wait(10)
+        assert up.wait(PATIENCE_S)
         try:
             yield f"{host}:{port}", server
         finally:
             server.should_exit = ends_with is None
-            runs.join(10)
+            runs.join(PATIENCE_S)
             assert not runs.is_alive() and found == [ends_with] * (ends_with is not None), found

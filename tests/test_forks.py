@@ -100,7 +100,7 @@ def test_a_stage_finds_loaded_what_an_earlier_one_has_imported(folder):
 
 
 def test_ctrl_c_ends_a_forked_stage_as_it_ends_one_alone(folder):
-    command, pid, _ = start(folder, "time.sleep(60)")
+    command, pid, _ = start(folder, "signal.pause()")
     for process in (command.pid, psutil.Process(pid).ppid(), pid):  # as a terminal signals them all
         os.kill(process, signal.SIGINT)
     assert "interrupted" in command.communicate()[1]
@@ -144,11 +144,11 @@ def test_another_python_starts_a_stage_alone(folder, tmp_path):
 
 
 def test_a_forked_stage_ends_with_its_command(folder):
-    command, pid, _ = start(folder, "time.sleep(60)")
+    command, pid, _ = start(folder, "signal.pause()")
     stage = psutil.Process(pid)
     command.kill()
     command.communicate()
-    assert wait_for(lambda: not alive(stage), 10)
+    assert wait_for(lambda: not alive(stage))
 
 
 def test_a_forked_stage_ends_with_a_command_that_never_read_of_its_begin(folder, monkeypatch):
@@ -159,10 +159,10 @@ def test_a_forked_stage_ends_with_a_command_that_never_read_of_its_begin(folder,
         command.connect(str(STAGE_SOCKET))
         socket.send_fds(command, [b"\n"], [writer] * 3)
         os.close(writer)
-        started = json.dumps(["words.speaker", ["time.sleep(60)"], environment])
+        started = json.dumps(["words.speaker", ["signal.pause()"], environment])
         command.sendall(f"{started}\n".encode())
         stage = psutil.Process(int(lines.readline().partition(" ")[0]))
-    assert wait_for(lambda: not alive(stage), 10)
+    assert wait_for(lambda: not alive(stage))
 
 
 def test_a_killed_stage_is_named(folder):

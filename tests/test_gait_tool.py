@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import PATIENCE_S, ROOT
 from scratch import save_svg
 
 from finloop.base.errors import FinloopError
@@ -50,7 +50,7 @@ def test_the_command_from_end_to_end(tmp_path):
     command = [sys.executable, "-m", "finloop.gait", *DOG, "--gait", "dog_walk", "-o", "out.json"]
     done = subprocess.run(
         [*command, *SMALL, "--cycles", "2", "--level", "3", "--wavelet", "db4"],
-        cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=120,
+        cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=PATIENCE_S,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     frames = json.loads((tmp_path / "out.json").read_text())["frames"]

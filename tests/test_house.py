@@ -53,7 +53,10 @@ WAITS = {"conftest.py"}  # the home of `wait_for`
 
 
 def bad_habits(text: str) -> Iterator[str]:
-    """What a test module imports of another, and where it looks at the clock or sleeps."""
+    """What a test module imports of another, and where it looks at the clock, sleeps, or is hasty.
+
+    Who waits for something waits for `conftest.PATIENCE_S`.
+    """
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             yield from (one.name for one in node.names if one.name.startswith(("test_", "tests.")))
@@ -63,6 +66,11 @@ def bad_habits(text: str) -> Iterator[str]:
             )
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             yield from [f"time.{node.attr}"] * (node.value.id == "time")
+        elif isinstance(node, ast.Call):
+            is_sleep = getattr(node.func, "attr", "") == "sleep"
+            limits = [one.value for one in node.keywords if one.arg == "timeout"]
+            limits += [one for one in node.args if is_sleep and ast.unparse(one) != "0"]
+            yield from (ast.unparse(node) for one in limits if isinstance(one, ast.Constant))
 
 
 def test_no_test_imports_another_sleeps_or_asserts_a_time():
@@ -76,5 +84,7 @@ def test_no_test_imports_another_sleeps_or_asserts_a_time():
 
 
 def test_bad_habits_are_found():
-    text = "from test_a import b\nimport tests.c\nfrom . import d\ntime.sleep(1)\nimport time"
-    assert list(bad_habits(text)) == ["test_a", "tests.c", ".", "time.sleep"]
+    text = "from test_a import b\nimport tests.c\nfrom . import d\ntime.time()\nimport time"
+    assert list(bad_habits(text)) == ["test_a", "tests.c", ".", "time.time"]
+    text = "a.sleep(0.1)\na.sleep(0)\nb.get(timeout=5)\nb.get(timeout=PATIENCE_S)"
+    assert sorted(bad_habits(text)) == ["a.sleep(0.1)", "b.get(timeout=5)"]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import PATIENCE_S
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scratch import save_svg
@@ -228,7 +229,7 @@ def test_the_command_from_end_to_end(tmp_path):
     command = [sys.executable, "-m", "finloop.morph", *FACES, "-o", "out.json", "--back"]
     done = subprocess.run(
         [*command, "--frames", "5", "--method", "linear", "--fps", "12.5", "--points", "32"],
-        cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=120,
+        cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=PATIENCE_S,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert len(done.stdout.splitlines()) == 1

@@ -19,7 +19,7 @@ import psutil
 import pytest
 import yaml
 from browser import chromium, visit
-from conftest import TINY_CARP, Copy, alive, wait_for
+from conftest import PATIENCE_S, TINY_CARP, Copy, alive, wait_for
 from playwright.sync_api import expect
 from scratch import content
 from tiny_run import plot_sources
@@ -473,7 +473,7 @@ def running(dvc: subprocess.Popen[str], word: str) -> psutil.Process:
                     return child
         return None
 
-    stage = wait_for(look, 120, every=0.1)  # a look takes some ms
+    stage = wait_for(look, every=0.1)  # a look takes some ms
     assert stage is not None
     return stage
 
@@ -488,7 +488,7 @@ def blow_kill_stage(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
 
 def blow_kill_dvc(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
     dvc.kill()
-    assert wait_for(lambda: not alive(stage), 30), "the stage works on without DVC"
+    assert wait_for(lambda: not alive(stage)), "the stage works on without DVC"
 
 
 def lock(repo: Copy) -> Any:
@@ -506,7 +506,7 @@ def stop(repo: Copy, word: str, blow: Any) -> None:
             assert "busy" in text and f"PID {dvc.pid}" in text
             stage.resume()
         blow(dvc, stage)
-        text, _ = dvc.communicate(timeout=120)
+        text, _ = dvc.communicate(timeout=PATIENCE_S)
     assert dvc.returncode != 0
     assert "Traceback" not in text
     assert not alive(stage)

@@ -13,7 +13,7 @@ import tracemalloc
 import cv2
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import PATIENCE_S, ROOT
 from hostile import count_objects, hostile_messages
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
@@ -550,7 +550,7 @@ def test_hostile_datagrams_over_the_wire(kind, capfd, caplog):
         contents = list(hostile_osc(3000))
         wanted = [parse_osc_packet(one, None) for one in contents]
     flooding = flood(kind, contents, [*map(len, wanted)])
-    heard, port = asyncio.run(asyncio.wait_for(flooding, 120))
+    heard, port = asyncio.run(asyncio.wait_for(flooding, PATIENCE_S))
     source = f"{kind}://127.0.0.1:{port}"
     assert heard == [(text, source) for one in wanted for text in one]
     assert 100 < sum(text is None for text, _ in heard) < len(heard) - 100
@@ -560,7 +560,7 @@ def test_hostile_datagrams_over_the_wire(kind, capfd, caplog):
 def test_over_the_wire_a_token_is_asked_for_too():
     texts = message(1), message(2, token="wrong"), message(3, token="secret")
     flooding = flood("udp", [text.encode() for text in texts], [1, 1, 1], "secret")
-    heard, _ = asyncio.run(asyncio.wait_for(flooding, 120))
+    heard, _ = asyncio.run(asyncio.wait_for(flooding, PATIENCE_S))
     assert [text for text, _ in heard] == [None, None, message(3)]
 
 
@@ -573,7 +573,7 @@ def test_an_error_of_the_receiver_ends_the_input():
             await asyncio.sleep(0)
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
                 out.sendto(b"x", listens.getsockname())
-            await asyncio.wait_for(taking, 120)
+            await asyncio.wait_for(taking, PATIENCE_S)
 
     with pytest.raises(ZeroDivisionError):
         asyncio.run(fail())
@@ -681,7 +681,7 @@ def test_the_camera_tracker_finds_the_drawn_carp(tmp_path):
 def test_the_camera_tracker_sends_json_by_udp_and_by_a_websocket():
     open_sender = runpy.run_path(str(ROOT / "examples/camera_tracker.py"))["open_sender"]
     with bind_socket(0, kind=socket.SOCK_DGRAM) as listens:
-        listens.settimeout(10)
+        listens.settimeout(PATIENCE_S)
         with open_sender(f"udp://127.0.0.1:{listens.getsockname()[1]}") as send:
             send(message(1))
         assert parse_datagram(listens.recv(2000), None) == message(1)
@@ -691,6 +691,6 @@ def test_the_camera_tracker_sends_json_by_udp_and_by_a_websocket():
         runs.start()
         with open_sender(f"ws://127.0.0.1:{server.socket.getsockname()[1]}/animals") as send:
             send(message(2))
-            assert came.get(timeout=10) == message(2)
+            assert came.get(timeout=PATIENCE_S) == message(2)
         server.shutdown()
-        runs.join(10)
+        runs.join(PATIENCE_S)

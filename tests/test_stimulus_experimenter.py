@@ -9,7 +9,7 @@ from typing import get_args
 
 import pytest
 from browser import Visit, chromium, hold_time
-from conftest import wait_for
+from conftest import PATIENCE_S, wait_for
 from playwright.sync_api import expect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
@@ -17,7 +17,7 @@ from websockets.sync.server import serve
 from finloop.live.page import make_content_policy
 from finloop.stimulus.animals import Verdict
 
-expect.set_options(timeout=60_000)  # a hang ends, a busy machine does not
+expect.set_options(timeout=1000 * PATIENCE_S)  # a hang ends, a busy machine does not
 PAGE = files("finloop.stimulus").joinpath("page/experimenter.html").read_text(encoding="utf-8")
 WHOLE = {
     "protocol": "shoal or dot", "seed": 7, "file": "session-1.parquet", "link": "http://10.0.0.2:8751/show",
@@ -66,11 +66,11 @@ class Desk:
             pass
 
     def next(self):
-        return self.wishes.get(timeout=60)
+        return self.wishes.get(timeout=PATIENCE_S)
 
     def close(self):
         self.server.shutdown()
-        self.runs.join(5)
+        self.runs.join(PATIENCE_S)
 
 
 @pytest.fixture(scope="module")
@@ -95,13 +95,13 @@ class Opened(Visit):
         page.clock.install()
         hold_time(page)
         page.goto(f"http://{desk.address}/{query}")
-        self.connection = desk.came.get(timeout=60)
+        self.connection = desk.came.get(timeout=PATIENCE_S)
 
     def tell(self, whole=None, **changes):
         self.now += 0.1  # a state is told by its time, of the page's own making
         state = STATE | {"now": round(self.now, 2)} | changes
         self.connection.send(json.dumps(state if whole is None else whole | state))
-        assert wait_for(lambda: self.page.evaluate("state?.now") == state["now"], 60)
+        assert wait_for(lambda: self.page.evaluate("state?.now") == state["now"])
 
     def _note_request(self, request):
         if not request.url.startswith(f"http://{self.desk.address}/"):
@@ -341,7 +341,7 @@ def test_a_session_that_does_not_answer_is_told_and_found_again(desk_page, desk)
     expect(page.locator("#alarm")).to_contain_text("close one")
     assert not page.locator("#abort").is_enabled() and not page.locator("#add").is_enabled()
     page.clock.run_for(1000)
-    desk_page.connection = desk.came.get(timeout=60)
+    desk_page.connection = desk.came.get(timeout=PATIENCE_S)
     desk_page.tell(WHOLE)
     expect(page.locator("#alarm")).to_be_hidden()
     assert page.locator("#abort").is_enabled()
@@ -377,5 +377,5 @@ def test_a_session_that_never_answers_is_told_and_the_token_shown_to_it(browser,
     one.connection.close(1008, "no token")
     expect(one.page.locator("#alarm")).to_contain_text("does not answer")
     one.page.clock.run_for(1000)
-    desk.came.get(timeout=60)  # it has tried again
+    desk.came.get(timeout=PATIENCE_S)  # it has tried again
     one.page.context.close()

@@ -18,7 +18,7 @@ import numpy as np
 import psutil
 import pytest
 from browser import chromium
-from conftest import wait_for
+from conftest import PATIENCE_S, wait_for
 from hostile import count_objects, hostile_messages
 from pythonosc.osc_message_builder import OscMessageBuilder
 from serving import serving
@@ -292,8 +292,8 @@ def test_hostile_messages_over_the_wire_leave_a_trial_as_it_is(tmp_path, capfd):
                         with pytest.raises(ConnectionClosed):
                             way.send(content, text=True)
                             while True:
-                                way.recv(timeout=5)
-            assert wait_for(lambda: session.phase == "done", 120)
+                                way.recv(timeout=PATIENCE_S)
+            assert wait_for(lambda: session.phase == "done")
     assert session.done == {1: "done", 2: "done"}
     record = open_session_record(tmp_path / "toy.parquet")
     assert replan_session(record, session.context, session.protocol).different == 0
@@ -305,10 +305,10 @@ def test_the_first_page_is_the_display_and_others_are_mirrors(tmp_path):
         with way_in(address, "display") as first, way_in(address, "display") as second:
             for page in (first, second):
                 page.send(json.dumps(READY))
-                assert b'"hello"' in page.recv(timeout=10)
+                assert b'"hello"' in page.recv(timeout=PATIENCE_S)
             for number, page in ((3, second), (4, first)):
                 page.send(np.array([number, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
-            assert wait_for(lambda: session.counts.frames, 120) and session.displays == 2
+            assert wait_for(lambda: session.counts.frames) and session.displays == 2
     record = open_session_record(tmp_path / "toy.parquet")
     assert [row["number"] for row in record.read_rows("frame")] == [4]
 
@@ -326,11 +326,11 @@ def test_a_trial_waits_for_its_message_and_triggers_go_out(tmp_path):
             desk.send('{"do":"start"}')
             heard = []
             for _ in range(2):
-                assert wait_for(lambda: session.phase == "waiting", 120)
+                assert wait_for(lambda: session.phase == "waiting")
                 way.send('{"do":"trigger","name":"stop"}')
                 way.send('{"do":"trigger","name":"go"}')
-                heard += [way.recv(timeout=10), way.recv(timeout=10)]
-            assert wait_for(lambda: session.phase == "done", 120)
+                heard += [way.recv(timeout=PATIENCE_S), way.recv(timeout=PATIENCE_S)]
+            assert wait_for(lambda: session.phase == "done")
     assert heard == ["begin 1 known", "end 1", "begin 2 live", "end 2"]
 
 
@@ -339,10 +339,10 @@ def test_a_session_is_aborted_in_the_middle_and_loses_nothing(tmp_path):
     with running(tmp_path, conditions=conditions) as (address, session):
         with way_in(address, "experimenter", max_queue=None) as desk:
             desk.send('{"do":"start"}')
-            assert wait_for(lambda: session.phase == "running", 120)
+            assert wait_for(lambda: session.phase == "running")
             desk.send(json.dumps({"do": "note", "text": "the fish sleeps"}))
             desk.send('{"do":"abort"}')
-            assert wait_for(lambda: session.phase == "done", 120)
+            assert wait_for(lambda: session.phase == "done")
     record = open_session_record(tmp_path / "toy.parquet")
     texts = [row["text"] for row in record.read_rows("event", "trial")]
     assert any("the fish sleeps" in text for text in texts)
@@ -360,7 +360,7 @@ def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
             bad = []
             page.on("pageerror", lambda error: bad.append(str(error)))
             page.goto(f"http://{address}/show")
-            assert wait_for(lambda: session.display is not None, 120)
+            assert wait_for(lambda: session.display is not None)
             desk = way_in(address, "experimenter", max_queue=None)
             with desk, way_in(address, "animals", None) as way:
                 desk.send('{"do":"start"}')
@@ -370,7 +370,7 @@ def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
                     way.send(json.dumps({"t": number / 30, "id": 1, "x": place, "y": place}))
                     number += 1
                     page.wait_for_timeout(30)
-            assert wait_for(lambda: session.counts.frames > 8, 120)
+            assert wait_for(lambda: session.counts.frames > 8)
             page.close()
         record = open_session_record(tmp_path / "toy.parquet")
         frames = list(read_displayed_frames(record))
@@ -387,7 +387,7 @@ def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
         with serving(make_server) as (address, server):
             page = browser.new_page(viewport={"width": 640, "height": 480})
             page.goto(f"http://{address}/")
-            assert wait_for(lambda: (page.wait_for_timeout(20), server.should_exit)[1], 60)
+            assert wait_for(lambda: (page.wait_for_timeout(20), server.should_exit)[1])
             page.close()
         assert not bad and room.compared == room.shown == len(frames) and room.different == []
 

@@ -531,12 +531,12 @@ def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path)
         running = asyncio.create_task(session.run_trials())
         for number in range(2):
             while session.phase != "waiting":
-                await asyncio.sleep(0.001)
+                await asyncio.sleep(0)
             session.press_key("x")  # another one
             assert session.phase == "waiting" and len(session.done) == number
             session.press_key(" ") if number == 0 else session.stop()
             while session.phase == "waiting":
-                await asyncio.sleep(0.001)
+                await asyncio.sleep(0)
         await running
 
     asyncio.run(run_session())

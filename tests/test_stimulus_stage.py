@@ -155,7 +155,7 @@ def test_the_page_that_stands_alone_plays_the_edit_list(workspace):
         page.clock.install()
         page.goto((workspace / "data/export/stimulus.html").absolute().as_uri())
         pictures = []
-        assert wait_for(lambda: page.evaluate("!!(drawer && drawer.box)"), 60)
+        assert wait_for(lambda: page.evaluate("!!(drawer && drawer.box)"))
         hold_time(page)
         page.keyboard.press("Space")
         for _ in range(3):
