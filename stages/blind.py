@@ -43,6 +43,7 @@ from finloop.render.settings import RenderSettings
 from stages.settings import load_settings
 
 PAGE = Path("reports/blind/index.html")
+_LONGEST_HEAD = 1000  # bytes of the first line of an answer file
 MOST_BYTES = 20e6  # of the page
 CRFS = (14, 18, 22, 26, 30, 34, 38, 42, 46, 50)  # the first by which a pair becomes small enough
 
@@ -173,6 +174,9 @@ def _count_answers(path: Path) -> tuple[int, int]:
     advice = "take the file that the page's button “Save the answers” wrote"
     wanted = f"a CSV file with the columns {', '.join(ANSWERS)}, a row for each answer"
     try:
+        with path.open("rb") as file:
+            if len(file.readline(_LONGEST_HEAD)) == _LONGEST_HEAD:
+                raise ValueError("its first line is too long")
         table = pd.read_csv(path)
     except (OSError, ValueError) as error:
         raise FinloopError(f"{path} cannot be read: {error}", wanted, advice) from error

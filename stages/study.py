@@ -36,6 +36,7 @@ from omegaconf.errors import OmegaConfBaseException
 from finloop.base.errors import FinloopError
 from finloop.base.finding import FINDINGS_NAME, GOOD
 from finloop.base.override import format_override
+from finloop.base.yaml_limits import refuse_yaml_bomb
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.footage import list_films, unique_film_names
 from finloop.io.numbers import NUMBERS_NAME, parse_numbers
@@ -128,9 +129,11 @@ def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
     FinloopError lists what makes the file no study.
     """
     try:
+        text = path.read_text(encoding="utf-8")
+        refuse_yaml_bomb(text)
         # Not PyYAML alone, which takes the second of two films of one name, without a word.
-        values: Any = OmegaConf.to_container(OmegaConf.load(path))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
+        values: Any = OmegaConf.to_container(OmegaConf.load(StringIO(text)))
+    except (OSError, ValueError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise FinloopError(f"{path} cannot be read: {error}", EXAMPLE, "correct it") from error
     values = values if isinstance(values, Mapping) else {}
     films, common, problems = values.get("films"), values.get("settings") or {}, []

@@ -7,6 +7,9 @@ FREE_SPACE = "free some space (`dvc gc --workspace --all-experiments` drops what
 """What to do where a disk is full. Without --all-experiments, results of sweeps would go, too."""
 
 
+_MOST_LETTERS = 4000  # of a part of a message
+
+
 class FinloopError(Exception):
     """An error that the user can correct: it says what came, what was wanted and what to do.
 
@@ -14,13 +17,28 @@ class FinloopError(Exception):
     """
 
     def __init__(self, came: str, wanted: str, do: str) -> None:
-        """Keep the parts of the message: what came, what was wanted, what the user can do."""
+        """Keep the parts of the message: what came, what was wanted, what the user can do.
+
+        Each is cut to 4,000 letters, and letters that steer a terminal become question marks: parts
+        of a message may come from a file of a stranger.
+        """
         super().__init__(came, wanted, do)
-        self.came, self.wanted, self.do = came, wanted, do
+        self.came, self.wanted, self.do = map(_make_printable, (came, wanted, do))
 
     def __str__(self) -> str:
         """Return the message, one line for each of its three parts."""
         return f"{self.came}\n  wanted: {self.wanted}\n  do:     {self.do}"
+
+
+def _make_printable(text: str) -> str:
+    """Return a text without letters that steer a terminal, cut where it is long."""
+    if len(text) > _MOST_LETTERS:
+        text = f"{text[:_MOST_LETTERS]} …"
+    if text.isprintable():
+        return text
+    return "".join(
+        letter if letter.isprintable() or letter in "\n\u00a0\u202f" else "?" for letter in text
+    )
 
 
 class UndecodableError(FinloopError):

@@ -50,6 +50,35 @@ def iterate_blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floa
         yield start, cells
 
 
+def poses_from_rows(
+    individuals: tuple[str, ...], keypoints: tuple[str, ...], frame: NDArray[np.integer],
+    individual: NDArray[np.integer], places: Floats, confidence: Floats | None = None,
+) -> Poses:  # fmt: skip
+    """Convert rows, each of an animal in a frame, to `Poses`.
+
+    Rows without a known point are left out. frame, individual (rows,): numbers, no pair twice.
+    places (rows, keypoints, 2): px, infinite or NaN where missing. confidence (rows, keypoints):
+    0 … 1, None = unknown.
+    """
+    is_known: Mask = np.all(np.isfinite(places), axis=-1)
+    has_place: Mask = np.asarray(is_known.any(axis=-1))
+    order = np.lexsort((individual, frame))
+    rows = order[has_place[order]]
+    is_known = is_known[rows]
+    if confidence is None:
+        row_confidence = np.full(is_known.shape, np.nan)
+    else:
+        row_confidence = confidence[rows].astype(float)
+    return Poses(
+        individuals, keypoints,
+        frames=int(frame.max()) + 1 if len(frame) else 0,
+        individual=individual[rows].astype(np.int64),
+        frame=frame[rows].astype(np.int64),
+        places=np.where(is_known[..., None], places[rows], np.nan),
+        confidence=row_confidence,
+    )  # fmt: skip
+
+
 def poses_from_arrays(
     individuals: tuple[str, ...], keypoints: tuple[str, ...], frame: NDArray[np.integer],
     places: Floats, confidence: Floats | None = None,
@@ -60,20 +89,11 @@ def poses_from_arrays(
     numbers of the frames, all different. places (times, individuals, keypoints, 2): px, infinite or
     NaN where missing. confidence (times, individuals, keypoints): 0 … 1, None = unknown.
     """
-    by_frame = np.argsort(frame, kind="stable")
-    frame, places = np.asarray(frame, np.int64)[by_frame], places[by_frame]
-    is_known: Mask = np.all(np.isfinite(places), axis=-1)
-    time, individual = np.nonzero(is_known.any(-1))  # of each row of the result
-    is_known = is_known[time, individual]
-    if confidence is None:
-        row_confidence = np.full(is_known.shape, np.nan)
-    else:
-        row_confidence = confidence[by_frame][time, individual].astype(float)
-    return Poses(
-        individuals, keypoints,
-        frames=int(frame.max()) + 1 if len(frame) else 0,
-        individual=individual.astype(np.int64),
-        frame=frame[time],
-        places=np.where(is_known[..., None], places[time, individual], np.nan),
-        confidence=row_confidence,
+    times, count = places.shape[:2]
+    individual = np.tile(np.arange(count), times)
+    rows = times * count
+    return poses_from_rows(
+        individuals, keypoints, np.repeat(np.asarray(frame, np.int64), count), individual,
+        places.reshape(rows, *places.shape[2:]),
+        None if confidence is None else confidence.reshape(rows, -1),
     )  # fmt: skip

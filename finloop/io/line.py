@@ -10,8 +10,10 @@ import pyarrow.parquet as pq
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, check_line
+from finloop.io.limits import refuse_bomb
 from finloop.io.svg import load_svg
 
+_MOST_COLUMNS = 1000
 _WANTED = (
     "columns x and y (or x_px and y_px, x_mm and y_mm, x_tank and y_tank); optionally time_s "
     "and heading_deg"
@@ -35,14 +37,33 @@ def load_line(path: Path, unit: str) -> Line:
             "save the path as one of these, or correct matching.path",
         )
     try:
-        table = pa.csv.read_csv(path) if suffix == ".csv" else pq.read_table(path)
-    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        return check_line(_line_from_table(path, _load_table(path), unit))
+    except (OSError, pa.ArrowException, ValueError) as error:
         raise FinloopError(
             f"{path} cannot be read as a table ({error})",
             _WANTED,
             "save the table again, or name another file (matching.path)",
         ) from error
-    return check_line(_line_from_table(path, table, unit))
+
+
+def _load_table(path: Path) -> pa.Table:
+    """Load the table in a CSV or Parquet file; FinloopError if it declares far too much.
+
+    ValueError if it has too many columns, OSError or ArrowException if it is damaged.
+    """
+    size = path.stat().st_size
+    if path.suffix.lower() == ".csv":
+        with path.open("rb") as file:
+            columns = file.readline().count(b",") + 1
+        rows = 0
+    else:
+        facts = pq.read_metadata(path)
+        rows, columns = facts.num_rows, facts.num_columns
+    if columns > _MOST_COLUMNS:
+        raise ValueError(f"it has {columns} columns")
+    name = f"{path}, {rows} rows of {columns} columns,"
+    refuse_bomb(name, rows * columns * 8, size, "save the path alone")
+    return pa.csv.read_csv(path) if path.suffix.lower() == ".csv" else pq.read_table(path)
 
 
 def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:

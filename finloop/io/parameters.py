@@ -9,14 +9,17 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import GROUPS, check_values, variants
+from finloop.base.yaml_limits import refuse_yaml_bomb
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
     """Return the content of params.yaml, stage → its parameters; FinloopError if unreadable."""
     hint = "a file as `make params` writes it", "run `make params`"
     try:
-        values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        text = path.read_text(encoding="utf-8")
+        refuse_yaml_bomb(text)
+        values = yaml.load(text, yaml.CSafeLoader)
+    except (OSError, ValueError, yaml.YAMLError) as error:
         raise FinloopError(f"{path} cannot be read: {error}", *hint) from error
     if not isinstance(values, dict):
         raise FinloopError(f"{path} holds no parameters", *hint)

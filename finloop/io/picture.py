@@ -1,5 +1,7 @@
-"""Pictures, written completely or not at all."""
+"""Pictures: written completely or not at all; read unless they are far larger than their file."""
 
+from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +12,7 @@ from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes, whole_file
 from finloop.io.checksums import check_file
+from finloop.io.limits import refuse_bomb
 
 if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
     from matplotlib.figure import Figure
@@ -26,14 +29,58 @@ def save_picture(path: Path, picture: Picture) -> None:
     save_bytes(path, cv2.imencode(path.suffix, picture)[1].tobytes())
 
 
+def decode_picture(path: Path, flags: int) -> Picture | None:
+    """Read a picture as OpenCV does, colours as blue, green, red; None if it cannot be read.
+
+    flags: of `cv2.imdecode`. FinloopError if the picture declares far more pixels than its file can
+    hold: it would fill the memory. OSError if there is no such file.
+    """
+    data = check_file(path).read_bytes()
+    _refuse_picture_bomb(path, data)
+    with suppress(cv2.error):  # for more than 2²⁰ rows, among others
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    return None
+
+
+def _refuse_picture_bomb(path: Path, data: bytes) -> None:
+    """Raise FinloopError if a picture declares far more pixels than its file can hold.
+
+    Only the header is read, by Pillow. A header that it cannot read is left to OpenCV, which takes
+    at most 2³⁰ pixels.
+    """
+    from PIL import (  # not at the top: most stages read no pictures
+        BmpImagePlugin,
+        GifImagePlugin,
+        Jpeg2KImagePlugin,
+        JpegImagePlugin,
+        PngImagePlugin,
+        PpmImagePlugin,
+        TiffImagePlugin,
+        WebPImagePlugin,
+    )
+
+    # The classes themselves: `Image.open` has a limit of its own, which it shares with all threads.
+    for header in (
+        PngImagePlugin.PngImageFile, JpegImagePlugin.JpegImageFile, TiffImagePlugin.TiffImageFile,
+        BmpImagePlugin.BmpImageFile, WebPImagePlugin.WebPImageFile, GifImagePlugin.GifImageFile,
+        Jpeg2KImagePlugin.Jpeg2KImageFile, PpmImagePlugin.PpmImageFile,
+    ):  # fmt: skip
+        with suppress(Exception):  # it is of another kind, or damaged
+            width, height = header(BytesIO(data)).size
+            name = f"{path}, {width}×{height} pixels,"
+            break
+    else:
+        return
+    refuse_bomb(name, 3 * width * height, len(data), "save it smaller, or move it away")
+
+
 def load_picture(path: Path) -> Picture:
     """Read a picture as (h, w) grey or (h, w, 3) RGB uint8; FinloopError if it cannot be read."""
     try:
-        coded = np.frombuffer(check_file(path).read_bytes(), np.uint8)
-        picture = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
+        picture = decode_picture(path, cv2.IMREAD_UNCHANGED)
         if picture is None:
             raise ValueError("no picture")  # caught below
-    except (OSError, cv2.error, ValueError) as error:
+    except (OSError, ValueError) as error:
         raise FinloopError(
             f"{path} cannot be read as a picture ({error})",
             "a picture that an earlier stage wrote",

@@ -23,7 +23,7 @@ from av.video.stream import VideoStream
 from finloop.base.errors import FinloopError, UndecodableError
 from finloop.base.schema import Schema, columns
 from finloop.io.checksums import check_file
-from finloop.io.picture import save_picture
+from finloop.io.picture import decode_picture, save_picture
 from finloop.io.record import load_json, save_json
 
 KEY_FRAME_EVERY = 12  # a seek decodes at most 11 frames in vain, for about 5 % more bytes
@@ -232,9 +232,7 @@ def load_mask(path: Path, width: int, height: int) -> np.ndarray:
     do = "give the path of such a picture (PNG is fine)"
     if not path.is_file():
         raise FinloopError(f"there is no mask picture at {path}", wanted, do)
-    # From bytes, because cv2.imread prints a warning of its own where it fails.
-    data = np.frombuffer(check_file(path).read_bytes(), np.uint8)
-    mask = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    mask = decode_picture(path, cv2.IMREAD_GRAYSCALE)
     if mask is None:
         raise FinloopError(f"{path} cannot be read as a picture", wanted, do)
     if mask.shape != (height, width):

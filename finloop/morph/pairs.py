@@ -22,6 +22,7 @@ from finloop.base.drawing import LARGEST, Drawing
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART, layers_by_shape
 from finloop.base.style import Fill, Paint, scale_paint
+from finloop.base.yaml_limits import refuse_yaml_bomb
 from finloop.curve.contour import Curve, nearest_on_curve, orient_clockwise, resample_curve
 from finloop.morph.layers import fit_drawing
 from finloop.morph.match import Pins
@@ -104,8 +105,9 @@ def load_pairing(path: Path) -> Pairing:
     """Return which shapes become which, as a YAML file says; FinloopError if it is unlike FORM."""
     try:
         text = path.read_text(encoding="utf-8")
+        refuse_yaml_bomb(text)
         values: Any = yaml.load(text, _StrictLoader) or {}
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except (OSError, ValueError, yaml.YAMLError) as error:
         raise FinloopError(f"{path} cannot be read: {error}", FORM, "correct it") from error
     problems = []
     if not isinstance(values, dict):

@@ -38,11 +38,7 @@ class SessionRecord:
             with pq.ParquetFile(self.path, page_checksum_verification=True) as file:
                 yield from file.iter_batches(columns=columns)
         except (OSError, pa.ArrowException) as error:
-            raise FinloopError(
-                f"{self.path} is damaged ({str(error).splitlines()[0]})",
-                _WANTED,
-                "take a copy of it that is whole, or recover it from its journal",
-            ) from error
+            raise _unreadable_error(self.path, error) from error
 
     def read_rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
         """Yield the log's rows of some kinds ("trial" …) in order, by column, without states."""
@@ -60,13 +56,14 @@ def open_session_record(path: Path) -> SessionRecord:
     try:
         file = pq.ParquetFile(path)
     except (OSError, pa.ArrowException) as error:
-        advice = "recover it from its journal: python -m stages.stimulus recover <name>.journal"
-        came = f"{path} cannot be read ({str(error).splitlines()[0]})"
-        raise FinloopError(came, _WANTED, advice) from error
+        raise _unreadable_error(path, error) from error
     text = read_header(file.schema_arrow.metadata)
     if text is None or file.schema_arrow.names != SESSION.names:
         raise FinloopError(f"{path} is no session", _WANTED, "name another file")
-    header = json.loads(text)
+    try:
+        header = dict(json.loads(text))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise _unreadable_error(path, error) from error
     if header.get("format") != FORMAT:
         raise FinloopError(
             f"{path} is a session of format {header.get('format')}, made by finloop "
@@ -75,6 +72,13 @@ def open_session_record(path: Path) -> SessionRecord:
             "show it again with the version of finloop that made it",
         )
     return SessionRecord(path, header)
+
+
+def _unreadable_error(path: Path, error: Exception) -> FinloopError:
+    """Return the error for a damaged file of a session."""
+    why = next(iter(str(error).splitlines()), type(error).__name__)
+    advice = "recover it from its journal: python -m stages.stimulus recover <name>.journal"
+    return FinloopError(f"{path} cannot be read ({why})", _WANTED, advice)
 
 
 class DisplayedFrame(NamedTuple):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Picture
 from finloop.base.errors import FinloopError
+from finloop.io.limits import DEFLATE_RATIO, call_aside, limit_memory, refuse_bomb
 from finloop.io.poses.extra import import_extra
 
 _HDF5, _NORPIX = b"\x89HDF\r\n\x1a\n", b"\xed\xfe\0\0"  # first bytes of files
@@ -67,11 +68,13 @@ def is_array_file(path: Path) -> bool:
 class FilmArray:
     """An array of pictures that is not read yet.
 
-    array: of NumPy or HDF5. frames_axis, channels_axis: its axes of frames and of channels; the
-    others are rows and columns, in a file of MATLAB columns and rows. rate_hz: frames per second.
-    Where a frame lies scattered in the file, blocks of frames are read and the last one is kept.
+    path: of its file. array: of NumPy or HDF5. frames_axis, channels_axis: its axes of frames and
+    of channels; the others are rows and columns, in a file of MATLAB columns and rows. rate_hz:
+    frames per second. Where a frame lies scattered in the file, blocks of frames are read and the
+    last one is kept.
     """
 
+    path: Path
     array: Any
     frames_axis: int = 0
     channels_axis: int | None = None
@@ -99,8 +102,8 @@ class FilmArray:
         axis, length = self.frames_axis, self._block_length()
         block, k = divmod(number, length)
         if self._kept is None or self._kept[0] != block:
-            span = slice(block * length, (block + 1) * length)
-            self._kept = block, np.asarray(self.array[(slice(None),) * axis + (span,)])
+            start = block * length
+            self._kept = block, _read_frames(self.path, self.array, axis, start, length)
         return self._kept[1].take(k, axis)
 
     def _block_length(self) -> int:
@@ -130,15 +133,64 @@ def open_film_array(path: Path) -> Iterator[FilmArray]:
             if path.suffix.lower() == ".npy":
                 array, rate = np.load(path, mmap_mode="r", allow_pickle=False), None
             else:
-                file = stack.enter_context(import_extra("h5py", path).File(path))
+                h5py = import_extra("h5py", path)
+                call_aside(_walk_chunks, path, path.stat().st_size)
+                file = stack.enter_context(h5py.File(path))
                 array, rate = _find_dataset(path, file)
-        except (EOFError, OSError, ValueError) as error:
-            raise FinloopError(
-                f"{path} cannot be read: {error}", _WANTED, "save or copy it again"
-            ) from error
+        except FinloopError:
+            raise
+        except Exception as error:  # damage makes h5py raise anything
+            raise _unreadable_error(path, error) from error
         if not _can_be_film(array):
             raise _no_film_error(path, {"its array": array})
-        yield FilmArray(array, _find_frames_axis(path, array), _channels_axis(array.shape), rate)
+        axis = _find_frames_axis(path, array)
+        yield FilmArray(path, array, axis, _channels_axis(array.shape), rate)
+
+
+def _walk_chunks(path: Path) -> None:
+    """Visit all that an HDF5 file holds, and where its pictures are, but not the pictures.
+
+    A damaged file can send h5py into an endless loop here, or crash it: call it in another process.
+    FinloopError if the file does not hold one film.
+    """
+    with import_extra("h5py", path).File(path) as file:
+        array, _ = _find_dataset(path, file)
+        if array.chunks:
+            array.id.get_num_chunks()
+        name = f"{path}, {' × '.join(map(str, array.shape))} values,"
+        do = "save the frames that there are"  # HDF5 fills the others
+        refuse_bomb(name, array.nbytes, path.stat().st_size, do, DEFLATE_RATIO)
+
+
+def _unreadable_error(path: Path, error: Exception) -> FinloopError:
+    """Return the error for a damaged file of an array."""
+    why = (
+        str(error)
+        if isinstance(error, OSError | ValueError)
+        else f"{type(error).__name__}: {error}"
+    )
+    return FinloopError(f"{path} cannot be read: {why}", _WANTED, "save or copy it again")
+
+
+def _read_frames(path: Path, array: Any, axis: int, start: int, count: int) -> NDArray[Any]:
+    """Return some frames of a film's array; FinloopError if they are damaged, or far too large.
+
+    axis: of the frames. start: number of the first. Fewer than `count` are read at the end.
+    """
+    size = path.stat().st_size
+    frame_bytes = math.prod(array.shape) * array.dtype.itemsize // array.shape[axis]
+    name = f"{path}, {' × '.join(map(str, array.shape))} values,"
+    refuse_bomb(name, frame_bytes * min(count, array.shape[axis]), size, "save it uncompressed")
+    return _read_part(path, array, (slice(None),) * axis + (slice(start, start + count),))
+
+
+def _read_part(path: Path, array: Any, index: tuple[Any, ...]) -> NDArray[Any]:
+    """Return a part of a film's array; FinloopError if it is damaged or fills the memory."""
+    try:
+        with limit_memory(path.stat().st_size):
+            return np.asarray(array[index])
+    except Exception as error:  # damage makes h5py raise anything
+        raise _unreadable_error(path, error) from error
 
 
 def _channels_axis(shape: Sequence[int]) -> int | None:
@@ -165,8 +217,8 @@ def _find_frames_axis(path: Path, array: Any) -> int:
     grid: list[Any] = [0] * array.ndim  # of the channels, the first
     for axis in axes:
         grid[axis] = slice(None, None, math.ceil(array.shape[axis] / _GRID))
-    levels = array[tuple(grid)].astype(np.float32)  # in one go: each chunk of a file is read once
-    levels = np.nan_to_num(levels, posinf=0.0, neginf=0.0)
+    levels: NDArray[Any] = _read_part(path, array, tuple(grid))  # each chunk is read once
+    levels = np.nan_to_num(levels.astype(np.float32), posinf=0.0, neginf=0.0)
     change = np.array([_measure_change(np.moveaxis(levels, axis, 0)) for axis in range(3)])
     best = int(change.argmin())
     if change[0] <= _SURE * change[best]:

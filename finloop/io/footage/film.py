@@ -118,8 +118,15 @@ def _unreadable_film_error(path: Path, why: str) -> FinloopError:
 
 
 def _picture_streams(container: InputContainer) -> list[VideoStream]:
-    """Return a film's streams of moving pictures, without the cover picture of an audio file."""
-    return [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
+    """Return a film's streams of moving pictures that can be decoded.
+
+    The cover picture of an audio file is none.
+    """
+    return [
+        stream
+        for stream in container.streams.video
+        if not stream.disposition & Disposition.attached_pic and stream.codec_context
+    ]
 
 
 def _read_time_stamps(

@@ -3,7 +3,7 @@
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from tifffile import TiffFile, TiffFileError
+from tifffile import TiffFile
 
 from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
@@ -37,6 +37,8 @@ from finloop.io.footage.source import (
 )
 from finloop.io.footage.stamps import count_times, times_in_files, times_in_names, times_in_stack
 from finloop.io.footage.timing import estimate_frame_rate
+from finloop.io.limits import limit_memory, refuse_bomb
+from finloop.io.picture import decode_picture
 from finloop.io.video import THREADS
 
 TIFF, JPEG = {".tif", ".tiff"}, {".jpg", ".jpeg"}
@@ -104,23 +106,25 @@ def _open_stack(path: Path, has_rate: bool) -> Iterator[Album]:
     has_rate: whether their frame rate is known; else their times are read. FinloopError if the file
     is damaged, or has several pages for each time.
     """
-    try:
-        with TiffFile(path) as stack:
+    with ExitStack() as closing:
+        try:
+            stack = closing.enter_context(TiffFile(path))
             names = [f"{path}, page {k + 1}," for k in range(len(stack.pages))]
-            if 1 < (count := count_times(stack)) < len(names):
-                raise FinloopError(
-                    f"{path} has {len(names)} pages for {count} times: channels or slices",
-                    "a page for each frame",
-                    "save one channel and one slice alone",
-                )
+            count = count_times(stack)
             times = None if has_rate else times_in_stack(stack, len(names))
-            yield Album(names, partial(_load_page, stack), np.arange(len(names)), times_s=times)
-    except (TiffFileError, OSError) as error:
-        raise FinloopError(
-            came=f"{path} cannot be read as a TIFF: {error}",
-            wanted="a TIFF with a page for each frame",
-            do="save it as a folder of pictures",
-        ) from error
+        except Exception as error:  # damaged tags make tifffile raise anything
+            raise FinloopError(
+                came=f"{path} cannot be read as a TIFF: {type(error).__name__}: {error}",
+                wanted="a TIFF with a page for each frame",
+                do="save it as a folder of pictures",
+            ) from error
+        if 1 < count < len(names):
+            raise FinloopError(
+                f"{path} has {len(names)} pages for {count} times: channels or slices",
+                "a page for each frame",
+                "save one channel and one slice alone",
+            )
+        yield Album(names, partial(_load_page, stack), np.arange(len(names)), times_s=times)
 
 
 def open_pictures(
@@ -147,8 +151,9 @@ def open_pictures(
             times = frame_numbers / float(rate)
         first = _load_picture(album, 0)
         sampled = spread_rows(np.arange(len(names)), SAMPLES)
-        samples = [thin_frame(_load_picture(album, int(k))) for k in sampled]
-    levels = None if first.dtype == np.uint8 else choose_deep_levels(samples)
+        is_deep = first.dtype != np.uint8
+        samples = [thin_frame(_load_picture(album, int(k), is_deep)) for k in sampled]
+    levels = choose_deep_levels(samples) if is_deep else None
     if colour is None:
         rgb = (_to_uint8(sample, colour=True, levels=levels) for sample in samples)
         colour = measure_chroma_fraction(rgb) > CHROMA_FRACTION
@@ -380,9 +385,7 @@ def _load_file(files: Sequence[Path], number: int) -> np.ndarray:
     number: its place in `files`, from 0.
     """
     path = files[number]
-    data = np.fromfile(path, np.uint8)
-    flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
-    picture = cv2.imdecode(data, flags) if data.size else None
+    picture = decode_picture(path, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
     if picture is None:
         raise FinloopError(
             came=f"{path} cannot be read as a picture",
@@ -394,12 +397,19 @@ def _load_file(files: Sequence[Path], number: int) -> np.ndarray:
 
 def _load_page(stack: TiffFile, number: int) -> np.ndarray:
     """Load one page of a TIFF, from 0, as stored: (h, w) grey or (h, w, 3) RGB."""
+    path, size = stack.filehandle.path, stack.filehandle.size
     try:
-        picture = stack.pages[number].asarray()
-    except ValueError as error:  # a compression that is not supported
+        page = stack.pages[number]
+        name = f"{path}, page {number + 1}, {' × '.join(map(str, page.shape))} values,"
+        refuse_bomb(name, page.nbytes, size, "save it as a folder of pictures")
+        with limit_memory(size):  # of a compressed page, only unpacking shows the size
+            picture = page.asarray()
+    except FinloopError:
+        raise
+    except Exception as error:  # a compression that is not supported, or damage
         raise FinloopError(
-            came=f"{stack.filehandle.path}, page {number + 1}, cannot be read: {error}",
-            wanted="a stack that is not compressed, or by deflate",
+            came=f"{path}, page {number + 1}, cannot be read: {type(error).__name__}: {error}",
+            wanted="a whole stack, not compressed or by deflate",
             do="save it in one of these ways, or as a folder of pictures",
         ) from error
     if picture.ndim == 3 and picture.shape[2] in (3, 4):
@@ -468,9 +478,18 @@ def _choose_pictures(footage: Footage, album: Album) -> tuple[Floats, list[int]]
     return times_s, [k for k in range(len(times_s)) if is_in_range(footage, times_s[k])]
 
 
-def _load_picture(album: Album, number: int) -> np.ndarray:
-    """Load a picture by its number, as stored; FinloopError if it holds NaN or infinity."""
+def _load_picture(album: Album, number: int, is_deep: bool | None = None) -> np.ndarray:
+    """Load a picture by its number, as stored; FinloopError if it holds NaN or infinity.
+
+    is_deep: whether it shall have more than 8 bits, as earlier ones; FinloopError if it has not.
+    """
     picture = album.load(number)
+    if is_deep is not None and (picture.dtype != np.uint8) != is_deep:
+        raise FinloopError(
+            came=f"{album.names[number]} has {picture.dtype} levels, unlike earlier ones",
+            wanted="pictures of one depth",
+            do="move it away, or convert all alike",
+        )
     if picture.dtype.kind == "f" and not np.isfinite(picture).all():
         raise FinloopError(
             came=f"{album.names[number]} holds NaN or infinity",
@@ -482,14 +501,9 @@ def _load_picture(album: Album, number: int) -> np.ndarray:
 
 def _load_frame(footage: Footage, album: Album, number: int) -> np.ndarray:
     """Load a picture by its number as uint8, after a check of its size and depth."""
-    picture, size = _load_picture(album, number), (footage.width_px, footage.height_px)
+    # The film's `levels` are None exactly if its first picture has 8 bits.
+    picture = _load_picture(album, number, footage.levels is not None)
+    size = footage.width_px, footage.height_px
     if picture.shape[1::-1] != size:
         raise other_size_error(album.names[number], picture.shape[1::-1], size)
-    # The film's `levels` are None exactly if its first picture has 8 bits.
-    if (picture.dtype == np.uint8) == (footage.levels is not None):
-        raise FinloopError(
-            came=f"{album.names[number]} has {picture.dtype} levels, unlike earlier ones",
-            wanted="pictures of one depth",
-            do="move it away, or convert all alike",
-        )
     return _to_uint8(picture, footage.colour, footage.levels)

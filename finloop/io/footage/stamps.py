@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import ExifTags, Image
-from tifffile import TiffFile, TiffFileError, TiffPage, xml2dict
+from tifffile import TiffFile, TiffPage, xml2dict
 
 from finloop.base.arrays import Floats
 
@@ -44,9 +44,9 @@ def times_in_files(files: Iterable[Path]) -> Floats | None:
                 with TiffFile(file) as tiff:
                     stamps.append(_find_tiff_time(tiff.pages.first))
             else:
-                with Image.open(file) as picture:
+                with Image.open(file, formats=["JPEG"]) as picture:
                     stamps.append(_find_exif_time(picture.getexif()))
-        except (TiffFileError, OSError):
+        except Exception:  # damaged tags make both libraries raise anything
             return None
         if stamps[-1] is None:  # so that not all files of a folder without times are opened
             return None

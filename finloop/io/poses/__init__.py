@@ -1,36 +1,52 @@
 """Tracks of another program as poses: which program made them, and where animals are in each frame.
 
-`movement` reads SLEAP, Anipose, NWB, VIA and its own format; it is optional (the extra `tracks`).
-This package itself reads DeepLabCut, LightningPose, the CSV of SLEAP, FastTrack, idtracker.ai and
-TRex. No file runs anything: whatever is stored as a pickle may only hold words, numbers and arrays.
+A file may come from a stranger: it runs nothing, and takes no more memory than its size justifies
+(`finloop.io.limits`). Text is read by pandas, HDF5 by h5py in a process of its own, a pickle as
+data (`pickled`).
 """
 
 import csv
 import io
-import warnings
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stderr
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, get_args
+from typing import TypeVar, get_args
 
 import numpy as np
+import pyarrow as pa
 
 from finloop.base.errors import FinloopError
-from finloop.base.poses import Poses, Software, poses_from_arrays
-from finloop.io.poses.extra import import_extra, not_installed_error, unreadable_error
+from finloop.base.poses import Poses, Software
+from finloop.io.limits import call_aside, limit_memory
+from finloop.io.poses.extra import import_extra, unreadable_error
+from finloop.io.poses.hdf5 import (
+    open_hdf5,
+    read_movement,
+    read_nwb,
+    read_sleap_analysis,
+    read_sleap_project,
+)
 from finloop.io.poses.idtracker import read_idtracker
 from finloop.io.poses.keypoints import (
     FASTTRACK_NAME,
     read_deeplabcut,
     read_fasttrack,
     read_sleap_csv,
+    read_via,
 )
 from finloop.io.poses.text import TEXTS, first_lines, read_plain_csv
 from finloop.io.poses.trex import read_trex
+
+A = TypeVar("A")
+B = TypeVar("B")
 
 _BY_SUFFIX: dict[str, Software] = {
     ".slp": "SLEAP", ".nwb": "NWB", ".nc": "movement", ".npz": "TRex", ".npy": "idtracker.ai",
     ".pickle": "idtracker.ai", ".parquet": "idtracker.ai",
 }  # fmt: skip
+_MOST_FRAMES = 10**9
+_HDF5 = (".h5", ".hdf5", ".slp", ".nwb", ".nc")  # endings of files that h5py reads
 _SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods", ".numbers")
 _BY_KEY: dict[str, Software] = {  # by a group or dataset of a HDF5 file
     "df_with_missing": "DeepLabCut", "node_names": "SLEAP", "trajectories": "idtracker.ai",
@@ -54,26 +70,111 @@ def load_poses(
             f"tracks of {', '.join(get_args(Software))}",
             f"correct {parameter}, or make it absolute: an experiment may run in another folder",
         )
-    software = _detect_software(path) if software is None else software
-    if software == "idtracker.ai":
-        poses = read_idtracker(path)
-    elif software == "TRex":
-        poses = read_trex(path)
-    elif software == "FastTrack":
-        poses = read_fasttrack(path)
-    elif software in ("DeepLabCut", "LightningPose") and path.is_file():
-        poses = read_deeplabcut(path, software)
-    elif software == "SLEAP" and path.suffix.lower() in TEXTS:
-        poses = read_sleap_csv(path)
-    else:
-        poses = _read_by_movement(path, software, rate_hz)
+    files = [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
+    size = sum(file.stat().st_size for file in files)
+    is_aside = any(file.suffix.lower() in _HDF5 for file in files)
+    if path.suffix.lower() in _HDF5:
+        import_extra("h5py", path)
+    program = software
+    try:
+        found: Software = (
+            _call(_find_program, (path, size), size, is_aside) if software is None else software
+        )
+        program = found
+        poses, remarks = _call(_read_source, (path, found, rate_hz, size), size, is_aside)
+    except FinloopError:
+        raise
+    except Exception as error:  # damage can make any library raise anything
+        name = program or "any program"
+        why = error if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+        raise unreadable_error(path, name, why) from error
+    print(remarks, end="", file=sys.stderr)
+    _check_poses(path, found, poses)
+    return poses
+
+
+def _call(function: Callable[[A], B], argument: A, size: int, is_aside: bool) -> B:
+    """Return function(argument), called in a process of its own if `is_aside`."""
+    return call_aside(function, argument, size) if is_aside else function(argument)
+
+
+def _find_program(source: tuple[Path, int]) -> Software:
+    """Return the program that made tracks of so many bytes; any error if they are damaged."""
+    path, size = source
+    _reserve_arrow_memory()
+    with limit_memory(size):
+        return _detect_software(path)
+
+
+def _reserve_arrow_memory() -> None:
+    """Let Arrow, with which pandas stores text, reserve its GiB of addresses before the limit."""
+    pa.allocate_buffer(1)
+
+
+def _read_source(source: tuple[Path, Software, float, int]) -> tuple[Poses, str]:
+    """Return the poses of a file or folder, and remarks for the user; any error if it is damaged.
+
+    source: the path, its program, frames per second, and bytes of all files.
+    """
+    path, software, rate_hz, size = source
+    _reserve_arrow_memory()
+    with limit_memory(size), redirect_stderr(io.StringIO()) as remarks:
+        poses = _read_poses(path, software, rate_hz)
+    return poses, remarks.getvalue()
+
+
+def _read_poses(path: Path, software: Software, rate_hz: float) -> Poses:
+    """Return the poses in a file or folder of a tracking program; any error if it is damaged."""
+    is_text = path.suffix.lower() in TEXTS
+    match software:
+        case "idtracker.ai":
+            return read_idtracker(path)
+        case "TRex":
+            return read_trex(path)
+        case "FastTrack":
+            return read_fasttrack(path)
+        case "DeepLabCut" | "LightningPose":
+            return read_deeplabcut(path, software)
+        case "SLEAP" if is_text:
+            return read_sleap_csv(path)
+        case "SLEAP" if path.suffix.lower() == ".slp":
+            return read_sleap_project(path)
+        case "SLEAP":
+            return read_sleap_analysis(path)
+        case "NWB":
+            return read_nwb(path)
+        case "movement":
+            return read_movement(path, rate_hz)
+        case "VIA-tracks":
+            return read_via(path)
+    raise _dimensions_error(path, 3)  # Anipose
+
+
+def _check_poses(path: Path, software: Software, poses: Poses) -> None:
+    """Raise FinloopError if poses are no tracks: without places, in space, or contradictory."""
     if not len(poses.frame):
         raise FinloopError(
             f"{path} does not say where any animal is",
             "tracks with at least one place",
             "export them again",
         )
-    return poses
+    if (dimensions := poses.places.shape[-1]) != 2:
+        raise _dimensions_error(path, dimensions)
+    if poses.frame.min() < 0 or poses.frame.max() >= _MOST_FRAMES:
+        numbers = f"{poses.frame.min()} to {poses.frame.max()}"
+        raise unreadable_error(path, software, f"its frames have the numbers {numbers}")
+    rows = poses.frame * len(poses.individuals) + poses.individual
+    if (np.diff(rows) == 0).any():  # rows are sorted
+        raise unreadable_error(path, software, "several animals of a frame have the same track")
+
+
+def _dimensions_error(path: Path, dimensions: int) -> FinloopError:
+    """Return the error for places that are not in a picture."""
+    return FinloopError(
+        f"{path} holds places in {dimensions} dimensions",
+        "places in the picture of one camera, x and y in px",
+        "give the tracks that were made in this film, before they were triangulated",
+    )
 
 
 def _detect_software(path: Path) -> Software:
@@ -118,14 +219,8 @@ def _folder_software(path: Path) -> Software | None:
 
 
 def _csv_software(path: Path) -> Software | None:
-    """Return the program that made a CSV of tracks, by its header; None if unknown.
-
-    FinloopError if the file cannot be read.
-    """
-    try:
-        header = [name.strip() for name in next(csv.reader(io.StringIO(read_plain_csv(path))), [])]
-    except (OSError, csv.Error) as error:
-        raise unreadable_error(path, "any program", error) from error
+    """Return the program that made a CSV of tracks, by its header; None if unknown."""
+    header = [name.strip() for name in next(csv.reader(io.StringIO(read_plain_csv(path))), [])]
     first, names = header[0] if header else "", set(header)
     if first == "scorer":
         return "DeepLabCut"  # LightningPose writes the same
@@ -144,90 +239,6 @@ def _csv_software(path: Path) -> Software | None:
 
 
 def _hdf5_keys(path: Path) -> list[str]:
-    """Return the names of an HDF5 file's groups and datasets; FinloopError if it is damaged."""
-    h5py = import_extra("h5py", path)
-    try:
-        with h5py.File(path) as file:
-            return list(file)
-    except OSError as error:
-        raise unreadable_error(path, "any program", error) from error
-
-
-def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:
-    """Load poses with the package `movement`, from a file or a folder of NWB files, one per animal.
-
-    rate_hz: frames per second, for a file that has times and no rate. FinloopError if a file cannot
-    be read, or animals have different keypoints or one name.
-    """
-    files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
-    datasets = [_load_dataset(file, software) for file in files]
-    if len({tuple(dataset.keypoints.values) for dataset in datasets}) > 1:
-        raise unreadable_error(path, software, "its animals have different keypoints")
-    names = [str(name) for dataset in datasets for name in dataset.individuals.values]
-    if len(set(names)) < len(names):
-        raise unreadable_error(path, software, f"animals of one name: {', '.join(names)}")
-    frames_of_datasets = [_frame_numbers(dataset, rate_hz) for dataset in datasets]
-    frames = np.unique(np.concatenate(frames_of_datasets))
-    keypoints = tuple(str(name) for name in datasets[0].keypoints.values)
-    places = np.full((len(frames), len(names), len(keypoints), 2), np.nan)
-    confidence = np.full(places.shape[:-1], np.nan)
-    axes = ("time", "individuals", "keypoints")
-    first_animal = 0  # number of the dataset's first animal among all
-    for dataset, frame in zip(datasets, frames_of_datasets, strict=True):
-        rows = np.searchsorted(frames, frame)
-        animals = slice(first_animal, first_animal + dataset.sizes["individuals"])
-        places[rows, animals] = dataset.position.transpose(*axes, "space").values
-        if "confidence" in dataset:
-            confidence[rows, animals] = dataset.confidence.transpose(*axes).values
-        first_animal = animals.stop
-    return poses_from_arrays(tuple(names), keypoints, frames, places, confidence)
-
-
-def _load_dataset(path: Path, software: Software) -> Any:
-    """Load a file with `movement` as an xarray dataset with `position` and perhaps `confidence`.
-
-    `position` has the dimensions time, space (x, y), keypoints and individuals. FinloopError if the
-    file cannot be read, or holds places in three dimensions.
-    """
-    xarray = import_extra("xarray", path)
-    load = import_extra("movement.io", path).load_dataset
-    import_extra("loguru", path).logger.disable("movement")
-    try:
-        with warnings.catch_warnings(), TemporaryDirectory() as folder:
-            warnings.simplefilter("ignore")
-            if software == "movement":
-                dataset = xarray.load_dataset(path)
-            elif path.suffix.lower() in TEXTS:
-                plain = Path(folder) / f"{path.stem}.csv"
-                plain.write_text(read_plain_csv(path), encoding="utf-8")
-                dataset = load(plain, source_software=software).load()
-            else:
-                dataset = load(path, source_software=software)
-    except ImportError as error:
-        raise not_installed_error(path, error) from error
-    except Exception as error:  # a library of many formats may raise anything for a damaged file
-        raise unreadable_error(path, software, f"{type(error).__name__}: {error}") from error
-    if "position" not in dataset or not {"time", "space", "individuals"} <= set(dataset.dims):
-        raise unreadable_error(
-            path, software, "it holds no positions by time, space and individual"
-        )
-    if dataset.sizes["space"] != 2:
-        raise FinloopError(
-            f"{path} holds places in {dataset.sizes['space']} dimensions",
-            "places in the picture of one camera, x and y in px",
-            "give the tracks that were made in this film, before they were triangulated",
-        )
-    if "keypoints" not in dataset.dims:  # boxes around animals
-        dataset = dataset.expand_dims(keypoints=["centre"])
-    return dataset.sel(space=["x", "y"])
-
-
-def _frame_numbers(dataset: Any, rate_hz: float) -> np.ndarray:
-    """Return the frame number (n,) of each time of a dataset, whose times are s or frame numbers.
-
-    rate_hz: frames per second, if the dataset does not state them.
-    """
-    time = dataset.time.values.astype(float)
-    if dataset.attrs.get("time_unit") == "seconds":
-        time = time * float(dataset.attrs.get("fps") or rate_hz)
-    return np.rint(time).astype(np.int64)
+    """Return the names of an HDF5 file's groups and datasets."""
+    with open_hdf5(path) as file:
+        return list(file)

@@ -5,7 +5,6 @@ They hold the centre of every animal in every frame of the film, x and y in px, 
 
 import io
 import json
-import pickle
 import re
 from pathlib import Path
 from typing import IO, Any
@@ -14,9 +13,11 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from finloop.base.poses import Poses, poses_from_arrays
-from finloop.io.poses.extra import import_extra, unreadable_error
-from finloop.io.poses.pickled import load_harmless_pickle, unwrap_array
+from finloop.base.poses import Poses, poses_from_arrays, poses_from_rows
+from finloop.io.limits import refuse_bomb
+from finloop.io.poses.extra import unreadable_error
+from finloop.io.poses.hdf5 import open_hdf5, read_values
+from finloop.io.poses.pickled import load_plain_pickle, unwrap_array
 from finloop.io.poses.text import read_plain_csv
 
 SOFTWARE, CENTRE = "idtracker.ai", "centre"
@@ -35,22 +36,36 @@ def read_idtracker(path: Path) -> Poses:
     The only keypoint is each animal's centre. FinloopError if nothing there can be read.
     """
     path = _find_trajectories(path)
-    try:
-        loaded, facts = _load_places(path)
-        places, labels = np.asarray(loaded), facts.get("identities_labels")
-        names = [] if labels is None else [str(label) for label in labels]
-    except (
-        ArithmeticError, AttributeError, EOFError, LookupError, OSError, TypeError, ValueError,
-        pickle.UnpicklingError,
-    ) as error:  # fmt: skip
-        raise unreadable_error(path, SOFTWARE, error) from error
-    if places.ndim != 3 or places.shape[2] != 2:
-        raise unreadable_error(path, SOFTWARE, f"its trajectories have the shape {places.shape}")
-    count = places.shape[1]
-    names = names if len(names) == count else [str(number) for number in range(1, count + 1)]
+    loaded, facts = _load_places(path)
+    labels = facts.get("identities_labels")
+    names = [] if labels is None else [_read_label(label) for label in labels]
+    if isinstance(loaded, pd.DataFrame):  # a row for each animal in each frame
+        frame, animal = (loaded[name].to_numpy(int) for name in ("frame", "individual"))
+        places = loaded[["x", "y"]].to_numpy(float)[:, None]
+        count = max(animal.max() + 1, len(names))
+        if animal.min() < 0 or count > max(len(names), len(animal)):
+            raise ValueError(f"its animals have the numbers {animal.min()} to {animal.max()}")
+        return poses_from_rows(_name_animals(names, count), (CENTRE,), frame, animal, places)
+    if not isinstance(loaded, np.ndarray) or loaded.dtype.kind not in "iuf":
+        raise ValueError("its trajectories are no array of numbers")
+    if loaded.ndim != 3 or loaded.shape[2] != 2:
+        raise ValueError(f"its trajectories have the shape {loaded.shape}")
+    animals = _name_animals(names, loaded.shape[1])
     return poses_from_arrays(
-        tuple(names), (CENTRE,), np.arange(len(places)), places[:, :, None].astype(float)
+        animals, (CENTRE,), np.arange(len(loaded)), loaded[:, :, None].astype(float)
     )
+
+
+def _read_label(label: object) -> str:
+    """Return an animal's name; ValueError if it is neither word nor number."""
+    if not isinstance(label, str | int | float | np.generic):
+        raise ValueError("its identities_labels are no names")
+    return str(label)
+
+
+def _name_animals(names: list[str], count: int) -> tuple[str, ...]:
+    """Return the names of so many animals; their numbers, from 1, if the names are not so many."""
+    return tuple(names if len(names) == count else map(str, range(1, count + 1)))
 
 
 def _find_trajectories(path: Path) -> Path:
@@ -72,9 +87,10 @@ def _find_trajectories(path: Path) -> Path:
 
 
 def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
-    """Return places (frames, animals, 2) in px, and the facts stored beside them, by name.
+    """Return places in px, and the facts stored beside them, by name.
 
-    path: a file, or a folder of CSV files. FinloopError for a file with another ending.
+    The places are an array (frames, animals, 2), or a table with the columns frame, individual, x
+    and y. path: a file, or a folder of CSV files. FinloopError for a file with another ending.
     """
     if path.is_dir():
         return _load_places(path / "trajectories.csv")[0], _load_facts(path / "attributes.json")
@@ -85,16 +101,15 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
             with path.open("rb") as file:
                 return _unpickle(file)
         case ".h5" | ".hdf5":
-            with import_extra("h5py", path).File(path) as file:
-                return file["trajectories"][()], dict(file.attrs)
+            with open_hdf5(path) as file:
+                labels = file.attrs.get("identities_labels")
+                return read_values(file["trajectories"]), {"identities_labels": labels}
         case ".parquet":
-            table = pq.read_table(path)
-            facts = (table.schema.metadata or {}).get(b"idtrackerai_attributes", b"{}")
-            return _to_places(table.to_pandas()), json.loads(facts)
+            return _load_parquet(path)
         case ".csv" | ".tsv" | ".txt":
             wide = pd.read_csv(io.StringIO(read_plain_csv(path)))
             if "individual" in wide:
-                return _to_places(wide), _load_facts(path.with_name("attributes_tidy.json"))
+                return wide, _load_facts(path.with_name("attributes_tidy.json"))
             # The columns are time or seconds, x1, y1, x2, y2, …, and perhaps probabilities.
             places = [name for name in wide if re.fullmatch(r"[xy]\d+", name)]
             if not places:
@@ -106,8 +121,8 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
 def _load_npy(path: Path) -> tuple[Any, dict[str, Any]]:
     """Return the places (frames, animals, 2) in a .npy file, and facts by name.
 
-    The file holds an array, and so no facts, or a pickled dictionary: UnpicklingError if that has
-    more than plain values and arrays.
+    The file holds an array, and so no facts, or a pickled dictionary: ValueError if that has more
+    than plain values and arrays.
     """
     with path.open("rb") as file:
         npy = np.lib.format
@@ -116,7 +131,21 @@ def _load_npy(path: Path) -> tuple[Any, dict[str, Any]]:
         shape, _, dtype = read_header(file)
         if dtype.hasobject and shape == ():  # a pickled dictionary follows
             return _unpickle(file)
-    return np.load(path, allow_pickle=False), {}
+    return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False)), {}
+
+
+def _load_parquet(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Return the table of places in a Parquet file, and facts by name.
+
+    FinloopError if the file declares far more rows than it can hold.
+    """
+    with pq.ParquetFile(path) as file:
+        rows, columns = file.metadata.num_rows, ["frame", "individual", "x", "y"]
+        name = f"{path}, {rows} rows,"
+        refuse_bomb(name, rows * len(columns) * 8, path.stat().st_size, "export the tracks again")
+        facts = (file.schema_arrow.metadata or {}).get(b"idtrackerai_attributes", b"{}")
+        table = file.read(columns, use_pandas_metadata=False)
+        return table.to_pandas(ignore_metadata=True), json.loads(facts)
 
 
 def _load_facts(path: Path) -> dict[str, Any]:
@@ -126,18 +155,9 @@ def _load_facts(path: Path) -> dict[str, Any]:
 
 def _unpickle(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
     """Return the places in an open pickle file, and all facts stored with them by name."""
-    record = load_harmless_pickle(file)
+    record = load_plain_pickle(file)
     record = record[0] if isinstance(record, list) else record
+    if not isinstance(record, dict):
+        raise ValueError("it holds no dictionary of trajectories")
     facts = {name: unwrap_array(value) for name, value in record.items()}
     return facts["trajectories"], facts
-
-
-def _to_places(table: pd.DataFrame) -> np.ndarray:
-    """Convert a table with a row per frame and animal to places (frames, animals, 2).
-
-    Places without a row are NaN.
-    """
-    frame, animal = (table[name].to_numpy(int) for name in ("frame", "individual"))
-    places = np.full((frame.max() + 1, animal.max() + 1, 2), np.nan)
-    places[frame, animal] = table[["x", "y"]].to_numpy(float)
-    return places

@@ -1,4 +1,4 @@
-"""Tracks in tables of keypoints: DeepLabCut, LightningPose, FastTrack, the CSV of SLEAP's analysis.
+"""Tracks in tables: DeepLabCut, LightningPose, FastTrack, VIA, the CSV of SLEAP's analysis.
 
 A table of DeepLabCut has a column for each number of each keypoint of each animal. Its head has the
 rows scorer, individuals (of several animals), bodyparts and coords. LightningPose writes the same,
@@ -6,7 +6,8 @@ with a row `set` where a frame belonged to the training.
 """
 
 import io
-import pickle
+import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,10 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Ints
-from finloop.base.errors import FinloopError
-from finloop.base.poses import Poses, poses_from_arrays
-from finloop.io.poses.extra import import_extra, unreadable_error
-from finloop.io.poses.pickled import load_harmless_pickle
+from finloop.base.poses import Poses, poses_from_arrays, poses_from_rows
+from finloop.io.limits import refuse_bomb
+from finloop.io.poses.hdf5 import open_hdf5, read_names, read_values
+from finloop.io.poses.pickled import load_plain_pickle
 from finloop.io.poses.text import TEXTS, read_plain_csv
 
 _COORDS = ("x", "y", "likelihood")
@@ -34,20 +35,16 @@ def read_deeplabcut(path: Path, software: str = "DeepLabCut") -> Poses:
 
     Keypoints that belong to no animal (`uniquebodyparts` of DeepLabCut) are left out and named on
     the error stream. software: for messages, and the name of an animal that the file does not name.
-    FinloopError if the file is none of these.
     """
     read = _read_csv if path.suffix.lower() in TEXTS else _read_hdf5
-    try:
-        labels, frame, values = read(path)
-    except (
-        AttributeError, LookupError, OSError, TypeError, ValueError, pickle.UnpicklingError,
-    ) as error:  # fmt: skip
-        raise unreadable_error(path, software, error) from error
+    labels, frame, values = read(path)
     # A label is (scorer, animal, keypoint, coordinate); a file of one animal leaves its name out.
     columns = [
         (label[1] if len(label) == 4 else software, label[-2], label[-1]) for label in labels
     ]
     animals, keypoints = _find_animals(columns, path)
+    size = len(frame) * len(animals) * len(keypoints) * len(_COORDS) * 8
+    refuse_bomb(path, size, path.stat().st_size, "export the tracks again")
     cells = np.full((len(frame), len(animals), len(keypoints), len(_COORDS)), np.nan)
     for (animal, keypoint, coord), column in zip(columns, values.T, strict=True):
         if animal in animals and coord in _COORDS:
@@ -112,79 +109,91 @@ def _read_hdf5(path: Path) -> tuple[Labels, Ints, Floats]:
     A label is the words above a column. pandas writes a table in one of two formats: as rows, with
     the labels as a pickle; or as separate arrays.
     """
-    h5py = import_extra("h5py", path)
-    with h5py.File(path) as file:
+    with open_hdf5(path) as file:
         group = file[_KEY]
         if "table" in group:
-            rows = group["table"][()]
-            blocks = [name for name in rows.dtype.names if name != "index"]
+            rows = read_values(group["table"])
+            blocks = [name for name in rows.dtype.names or () if name != "index"]
             values = np.concatenate([rows[name].reshape(len(rows), -1) for name in blocks], axis=1)
-            axes: Any = load_harmless_pickle(io.BytesIO(group.attrs["non_index_axes"]))
-            return [tuple(map(str, label)) for label in axes[0][1]], rows["index"], values
+            axes: Any = load_plain_pickle(io.BytesIO(group.attrs["non_index_axes"]))
+            return [_read_label(label) for label in axes[0][1]], rows["index"], values
         # Fixed format: for each row of the head, its different words, and each column's word.
         levels = [
-            group[f"axis0_level{k}"][()].astype(str)[group[f"axis0_label{k}"][()]]
+            np.array(read_names(group[f"axis0_level{k}"]))[read_values(group[f"axis0_label{k}"])]
             for k in range(int(group.attrs["axis0_nlevels"]))
         ]
-        return list(zip(*levels, strict=True)), group["axis1"][()], group["block0_values"][()]
+        labels = list(zip(*levels, strict=True))
+        return labels, read_values(group["axis1"]), read_values(group["block0_values"])
+
+
+def _read_label(label: Any) -> tuple[str, ...]:
+    """Return the words above a column; ValueError if they are no words."""
+    if not isinstance(label, tuple) or not all(isinstance(word, str) for word in label):
+        raise ValueError("its columns are not named by words")
+    return label
 
 
 def read_sleap_csv(path: Path) -> Poses:
     """Load poses from the CSV of SLEAP's analysis: a row for each animal in each frame.
 
-    Columns are track, frame_idx, and for each node node.x, node.y, node.score. FinloopError if a
-    column is missing, or a track occurs twice in a frame; all animals without one are one track.
+    Columns are track, frame_idx, and for each node node.x, node.y, node.score. All animals without
+    a track are one animal.
     """
-    try:
-        table = pd.read_csv(io.StringIO(read_plain_csv(path)))
-        nodes = [name.removesuffix(".x") for name in table if name.endswith(".x")]
-        columns = [[f"{node}.{part}" for part in ("x", "y", "score")] for node in nodes]
-        values = table[np.ravel(columns)].to_numpy(float).reshape(len(table), len(nodes), 3)
-        frame, animal = table["frame_idx"].to_numpy(np.int64), table["track"].fillna("animal")
-    except (LookupError, TypeError, ValueError) as error:
-        raise unreadable_error(path, "SLEAP", error) from error
-    return _poses_from_rows(path, "SLEAP", frame, animal, nodes, values)
+    table = pd.read_csv(io.StringIO(read_plain_csv(path)))
+    nodes = [name.removesuffix(".x") for name in table if name.endswith(".x")]
+    columns = [[f"{node}.{part}" for part in ("x", "y", "score")] for node in nodes]
+    values = table[np.ravel(columns)].to_numpy(float).reshape(len(table), len(nodes), 3)
+    frame, animal = table["frame_idx"].to_numpy(np.int64), table["track"].fillna("animal")
+    return _poses_from_rows(frame, animal, nodes, values)
 
 
 def read_fasttrack(path: Path) -> Poses:
     """Load poses of FastTrack's `tracking.txt`, or of the folder with it: head, centre and tail.
 
     It has a row for each animal in each frame, with the columns xHead, yHead, xBody, yBody, xTail,
-    yTail, imageNumber and, of several animals, id. FinloopError if a column is missing, or an
-    animal occurs twice in a frame.
+    yTail, imageNumber and, of several animals, id.
     """
     path = path / FASTTRACK_NAME if path.is_dir() else path
     columns = [f"{axis}{part}" for part in _FASTTRACK_PARTS.values() for axis in "xy"]
-    try:
-        table = pd.read_csv(io.StringIO(read_plain_csv(path)))
-        places = table[columns].to_numpy(float).reshape(len(table), len(_FASTTRACK_PARTS), 2)
-        frame = table["imageNumber"].to_numpy(np.int64)
-        animal = table["id"] if "id" in table else pd.Series(np.zeros(len(table), np.int64))
-    except (LookupError, OSError, TypeError, ValueError) as error:
-        raise unreadable_error(path, "FastTrack", error) from error
-    return _poses_from_rows(path, "FastTrack", frame, animal, list(_FASTTRACK_PARTS), places)
+    table = pd.read_csv(io.StringIO(read_plain_csv(path)))
+    places = table[columns].to_numpy(float).reshape(len(table), len(_FASTTRACK_PARTS), 2)
+    frame = table["imageNumber"].to_numpy(np.int64)
+    animal = table["id"] if "id" in table else pd.Series(np.zeros(len(table), np.int64))
+    return _poses_from_rows(frame, animal, list(_FASTTRACK_PARTS), places)
 
 
-def _poses_from_rows(
-    path: Path, software: str, frame: Ints, animal: pd.Series, keypoints: list[str], values: Floats
-) -> Poses:
-    """Return the poses in rows, each of an animal in a frame; FinloopError if one occurs twice.
+def read_via(path: Path) -> Poses:
+    """Load the centres of the boxes that VIA tracked, from its CSV with a row for each box.
+
+    Pictures are numbered by their attribute `frame`, else by the number at the end of their name;
+    the first picture is frame 0, and the others follow it without gaps. `track` names the animal.
+    """
+    table = pd.read_csv(io.StringIO(read_plain_csv(path)), dtype=str, keep_default_na=False)
+    columns = ("file_attributes", "region_shape_attributes", "region_attributes")
+    files, boxes, regions = ([json.loads(text) for text in table[name]] for name in columns)
+    number = [
+        int(facts["frame"] if "frame" in facts else re.findall(r"\d+", Path(name).stem)[-1])
+        for facts, name in zip(files, table["filename"], strict=True)
+    ]
+    corners = np.array(
+        [[box[key] for key in ("x", "y", "width", "height")] for box in boxes], float
+    )
+    confidence = np.array([float(facts.get("confidence", "nan")) for facts in regions])
+    centres = corners[:, :2] + corners[:, 2:] / 2
+    values = np.concatenate([centres, confidence[:, None]], axis=1)[:, None]
+    animal = pd.Series([f"id_{int(facts['track'])}" for facts in regions])
+    _, frame = np.unique(number, return_inverse=True)
+    return _poses_from_rows(frame, animal, ["centre"], values)
+
+
+def _poses_from_rows(frame: Ints, animal: pd.Series, keypoints: list[str], values: Floats) -> Poses:
+    """Return the poses in rows, each of an animal in a frame.
 
     frame (rows,): numbers; animal (rows,): names; values (rows, keypoints, 2 or 3): x, y, perhaps
-    confidence. path, software: for the message.
+    confidence.
     """
-    duplicated = pd.DataFrame({"frame": frame, "animal": animal.to_numpy()}).duplicated().to_numpy()
-    if duplicated.any():
-        name = animal[duplicated].iloc[0]
-        raise FinloopError(
-            f"{path} has several places of the animal {name} in frame {frame[duplicated][0]}",
-            f"one row for each animal in each frame, as {software} writes with tracks",
-            f"track the animals in {software}, so that each has a name, and export again",
-        )
-    frames, row = np.unique(frame, return_inverse=True)
     number, names = pd.factorize(animal)
-    cells = np.full((len(frames), len(names), len(keypoints), 3), np.nan)
-    cells[row, number, :, : values.shape[-1]] = values
-    return poses_from_arrays(
-        tuple(map(str, names)), tuple(keypoints), frames, cells[..., :2], cells[..., 2]
+    confidence = values[..., 2] if values.shape[-1] > 2 else None
+    return poses_from_rows(
+        tuple(map(str, names)), tuple(keypoints), frame, number, values[..., :2], confidence
     )

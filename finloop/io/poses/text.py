@@ -16,6 +16,7 @@ TEXTS = (".csv", ".tsv", ".txt")
 """Endings of such files."""
 
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+(?:[eE][-+]?\d+)?\s*")
+_MOST_COLUMNS = 20_000
 _HEADER_LINES = 4  # from which the separator is found
 
 
@@ -44,14 +45,22 @@ def read_plain_csv(path: Path) -> str:
     text = "\n".join([*lines, ""])
     head = "\n".join(lines[:_HEADER_LINES])
     separator = max(",;\t|", key=head.count)
+    if (columns := lines[0].count(separator) + 1 if lines else 0) > _MOST_COLUMNS:
+        do = "export the tracks again as CSV"
+        came = f"{path} has {columns} columns"
+        raise FinloopError(came, f"a CSV file of at most {_MOST_COLUMNS:,} columns", do)
     if separator == "," and ", " not in head and '"' not in text:
         return text  # it is plain already
     rows = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     plain = io.StringIO()
-    csv.writer(plain, lineterminator="\n").writerows(
-        [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row]
-        for row in rows
-    )
+    try:
+        csv.writer(plain, lineterminator="\n").writerows(
+            [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row]
+            for row in rows
+        )
+    except csv.Error as error:
+        do = "export the tracks again as CSV"
+        raise FinloopError(f"{path} cannot be read as CSV: {error}", "a CSV file", do) from error
     return plain.getvalue()
 
 

@@ -13,11 +13,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.base.poses import Poses, poses_from_arrays
+from finloop.base.poses import Poses, poses_from_rows
+from finloop.io.limits import refuse_bomb
 from finloop.io.poses.extra import unreadable_error
 from finloop.io.poses.text import TEXTS, read_plain_csv
 
 SOFTWARE, HEAD, CENTRE = "TRex", "head", "centre"
+_SCALE = re.compile(r"^[ \t]*cm_per_pixel[ \t]*[=:][ \t]*([\d.eE+-]+)", re.MULTILINE)
 _CENTRES = ("#wcentroid", "#centroid", "#pcentroid")
 
 
@@ -36,15 +38,13 @@ def read_trex(path: Path) -> Poses:
         raise unreadable_error(
             path, SOFTWARE, f"{error} is missing or of another length"
         ) from error
-    frames = np.unique(np.concatenate([frame for frame, _ in frames_and_points]))
-    places = np.full((len(frames), len(tracks), 2, 2), np.nan)
-    for animal, (frame, points) in enumerate(frames_and_points):
-        places[np.searchsorted(frames, frame), animal] = points
+    frame, places = (np.concatenate(parts) for parts in zip(*frames_and_points, strict=True))
+    animal = np.repeat(np.arange(len(tracks)), [len(frame) for frame, _ in frames_and_points])
     # An animal's name is the part after the film's, such as `id3`.
     names = [file.stem.rsplit("_", 1)[-1] for file in tracks]
     if len(set(names)) < len(names):
         names = [file.stem for file in tracks]
-    return poses_from_arrays(tuple(names), (HEAD, CENTRE), frames, places)
+    return poses_from_rows(tuple(names), (HEAD, CENTRE), frame, animal, places)
 
 
 def _list_files(path: Path) -> list[Path]:
@@ -71,21 +71,20 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
     """Load the columns or arrays in one file of TRex, by name without the unit.
 
     The result also has `cm_per_pixel` if the file or TRex's settings beside it state it.
-    FinloopError if the file cannot be read.
     """
-    try:
-        if path.suffix.lower() in TEXTS:
-            table = pd.read_csv(io.StringIO(read_plain_csv(path)))
-            fields = {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
-            if any("(px)" in name for name in table):  # places need no conversion: a scale of 1
-                return fields | {"cm_per_pixel": np.ones(1)}
-            return _read_scale(path.parent) | fields
-        with np.load(path, allow_pickle=False) as file:
-            kinds = ("frame", "missing", "cm_per_pixel", "X", "Y")
-            names = [name for name in file.files if name.split("#")[0] in kinds]
-            return _read_scale(path.parent) | {name: file[name] for name in names}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise unreadable_error(path, SOFTWARE, error) from error
+    if path.suffix.lower() in TEXTS:
+        table = pd.read_csv(io.StringIO(read_plain_csv(path)))
+        fields = {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
+        if any("(px)" in name for name in table):  # places need no conversion: a scale of 1
+            return fields | {"cm_per_pixel": np.ones(1)}
+        return _read_scale(path.parent) | fields
+    with zipfile.ZipFile(path) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+        refuse_bomb(path, size, path.stat().st_size, "export the tracks again")
+    with np.load(path, allow_pickle=False) as file:
+        kinds = ("frame", "missing", "cm_per_pixel", "X", "Y")
+        names = [name for name in file.files if name.split("#")[0] in kinds]
+        return _read_scale(path.parent) | {name: file[name] for name in names}
 
 
 def _read_scale(folder: Path) -> dict[str, np.ndarray]:
@@ -95,7 +94,7 @@ def _read_scale(folder: Path) -> dict[str, np.ndarray]:
     """
     for file in [*sorted(folder.glob("*.settings")), *sorted(folder.parent.glob("*.settings"))]:
         text = file.read_text("utf-8", errors="replace")
-        if found := re.search(r"^\s*cm_per_pixel\s*[=:]\s*([\d.eE+-]+)", text, re.MULTILINE):
+        if found := _SCALE.search(text):
             return {"cm_per_pixel": np.array([float(found[1])])}
     return {}
 
