@@ -1,4 +1,4 @@
-"""Damaged and hostile files: each reader of foreign files gives a result or one message, no more.
+"""Damaged and hostile files: each reader of foreign files gives a result or one message.
 
 `python -m benchmarks.fault_files` prints the table and writes benchmarks/fault_files.csv; --count
 files for each reader (10,000), --only names of readers, --keep a folder for the files that failed.

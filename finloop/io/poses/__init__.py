@@ -1,6 +1,6 @@
 """Tracks of another program as poses: which program made them, and where animals are in each frame.
 
-A file may come from a stranger: it runs nothing, and takes no more memory than its size justifies
+A file may come from a stranger: it runs nothing, and takes memory as its size justifies
 (`finloop.io.limits`). Text is read by pandas, HDF5 by h5py in a process of its own, a pickle as
 data (`pickled`).
 """
