@@ -127,6 +127,15 @@ def test_a_frame_is_moved_back():
     assert np.abs(off[6:-6, 6:-6]).mean() < 3
 
 
+@pytest.mark.parametrize("shape", [(9, 5), (9, 5, 3)])
+@pytest.mark.parametrize(("right", "down"), [(0, 0), (2, -3), (-30, 4), (40, -25)])
+def test_what_a_moved_back_frame_lacks_is_its_border_repeated(shape, right, down):
+    frame = RNG.integers(0, 256, shape, np.uint8)
+    frame.flags.writeable = False  # as the decoder's own memory
+    rows, columns = (np.clip(np.arange(n) + by, 0, n - 1) for n, by in ((9, down), (5, right)))
+    assert np.array_equal(undo_shift(frame, Shift(right, down, 0)), frame[rows][:, columns])
+
+
 # --- doubled pictures
 
 

@@ -6,13 +6,14 @@ with weights that leave out animals (Gauss-Newton; Lucas and Kanade 1981, with T
 """
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Picture
-from finloop.base.kernel import finite_kernel
+from finloop.base.kernel import finite_kernel, kernel
 
 _ENOUGH = 500  # px; least side of the reduced picture in which marks are compared
 _TILES = 6  # tiles of the picture in both directions; marks are spread over them
@@ -192,10 +193,16 @@ def _choose_start(picture: Picture, tank: Landmarks, last: Shift) -> Floats:
     misfits = [misfit(place) for place in starts]
     if min(misfits) > _NEAR and min(tank.small.shape) >= 16:
         small = _shrink_picture(picture)
-        window = cv2.createHanningWindow(small.shape[::-1], cv2.CV_32F)
+        window = _hanning_window(small.shape)
         starts.append(_LESS * np.array(cv2.phaseCorrelate(tank.small, small, window)[0]))
         misfits.append(misfit(starts[-1]))
     return starts[int(np.argmin(misfits))]
+
+
+@cache
+def _hanning_window(shape: tuple[int, ...]) -> np.ndarray:
+    """Return a Hanning window of a shape (h, w), float32: it fades to 0 at the border."""
+    return cv2.createHanningWindow(shape[::-1], cv2.CV_32F)
 
 
 def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats:
@@ -203,14 +210,25 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
 
     tank: its landmarks; interpolation is bilinear.
     """
+    return interpolate_levels(picture, tank.x + shift_px[0], tank.y + shift_px[1])
+
+
+@kernel
+def interpolate_levels(picture: Picture, x: Floats, y: Floats) -> Floats:
+    """Return the levels (n,) of a grey picture (h, w) at the places x, y (n,) px, bilinearly.
+
+    A place outside the picture has the level of the nearest place inside it.
+    """
     height, width = picture.shape
-    x = np.clip(tank.x + shift_px[0], 0, width - 1.001)
-    y = np.clip(tank.y + shift_px[1], 0, height - 1.001)
-    left, top = x.astype(int), y.astype(int)
-    u, v = x - left, y - top
-    above = picture[top, left] * (1 - u) + picture[top, left + 1] * u
-    below = picture[top + 1, left] * (1 - u) + picture[top + 1, left + 1] * u
-    return np.asarray(above * (1 - v) + below * v)
+    levels = np.empty(len(x))
+    for k in range(len(x)):
+        right, down = min(max(x[k], 0.0), width - 1.001), min(max(y[k], 0.0), height - 1.001)
+        left, top = int(right), int(down)
+        u, v = right - left, down - top
+        above = picture[top, left] * (1 - u) + picture[top, left + 1] * u
+        below = picture[top + 1, left] * (1 - u) + picture[top + 1, left + 1] * u
+        levels[k] = above * (1 - v) + below * v
+    return levels
 
 
 def _judge_shift(shift_px: Floats, fit: _Fit, tank: Landmarks) -> Shift:
@@ -253,16 +271,12 @@ def undo_shift(frame: Picture, shift: Shift, gains: Floats | None = None) -> Pic
     """
     height, width, channels = (*frame.shape, 1)[:3]
     right, down = math.floor(shift.x), math.floor(shift.y)
-    left = right - _REACH + 1  # first column that the first pixel needs
-    padded = cv2.copyMakeBorder(
-        frame, 0, 0, max(0, -left), max(0, right + _REACH), cv2.BORDER_REPLICATE
-    )
-    first = max(0, left)
-    columns = np.ascontiguousarray(padded[:, first : first + width + 2 * _REACH - 1])
     factors = np.ones(channels) if gains is None else 1 / np.nan_to_num(gains, nan=1.0)
     moved = np.empty((height, width * channels), np.uint8)
+    # For read-only frames numba would compile once more.
+    levels = np.require(frame, requirements=("C", "W")).reshape(height, -1)
     _filter_rows_and_columns(
-        columns.reshape(height, -1), down - _REACH + 1, _lanczos_weights(shift.y - down),
+        levels, down - _REACH + 1, right - _REACH + 1, _lanczos_weights(shift.y - down),
         _lanczos_weights(shift.x - right), channels, np.tile(factors, width).astype(np.float32),
         moved,
     )  # fmt: skip
@@ -271,19 +285,27 @@ def undo_shift(frame: Picture, shift: Shift, gains: Floats | None = None) -> Pic
 
 @finite_kernel
 def _filter_rows_and_columns(
-    levels: Picture, top: int, down: np.ndarray, right: np.ndarray, channels: int,
+    levels: Picture, top: int, left: int, down: np.ndarray, right: np.ndarray, channels: int,
     factors: np.ndarray, moved: Picture,
 ) -> None:  # fmt: skip
     """Write weighted sums of 8 × 8 neighbouring levels to `moved`, rounded and clipped.
 
-    levels (h, (w + 7) · channels), moved (h, w · channels): uint8, the channels of a pixel side by
-    side. The levels of a row are those of the rows top … top + 7 below it, weighed by `down`, and
-    then of 8 successive pixels, weighed by `right`; beyond the border the last row is repeated.
-    factors (w · channels): by which each sum is multiplied.
+    levels, moved (h, w · channels): uint8, the channels of a pixel side by side. A level is summed
+    from those of the rows top … top + 7 below it, weighed by `down`, and there of the pixels
+    left … left + 7 beside it, weighed by `right`; beyond the border pixels are repeated. factors
+    (w · channels): by which each sum is multiplied.
     """
-    last = len(moved) - 1
-    row = np.empty(levels.shape[1], np.float32)
-    sums = np.empty(moved.shape[1], np.float32)
+    last, size = len(moved) - 1, moved.shape[1]
+    border = channels * max(-left, left + 7)  # repeated levels at either end of a row
+    row = np.empty(size + 2 * border, np.float32)
+    inside = row[border : border + size]
+    beside = row[border + left * channels :]
+    pixels = (
+        beside, beside[channels:], beside[2 * channels :], beside[3 * channels :],
+        beside[4 * channels :], beside[5 * channels :], beside[6 * channels :],
+        beside[7 * channels :],
+    )  # fmt: skip
+    sums = np.empty(size, np.float32)
     for y in range(len(moved)):
         k = y + top
         rows = (
@@ -292,13 +314,12 @@ def _filter_rows_and_columns(
             levels[min(max(k + 4, 0), last)], levels[min(max(k + 5, 0), last)],
             levels[min(max(k + 6, 0), last)], levels[min(max(k + 7, 0), last)],
         )  # fmt: skip
-        _weigh_rows(row, down, rows)
-        pixels = (
-            row, row[channels:], row[2 * channels :], row[3 * channels :], row[4 * channels :],
-            row[5 * channels :], row[6 * channels :], row[7 * channels :],
-        )  # fmt: skip
+        _weigh_rows(inside, down, rows)
+        for x in range(border):
+            row[x] = inside[x % channels]
+            row[border + size + x] = inside[size - channels + x % channels]
         _weigh_rows(sums, right, pixels)
-        for x in range(len(sums)):
+        for x in range(size):
             level = sums[x] * factors[x] + np.float32(0.5)
             moved[y, x] = np.uint8(min(max(level, np.float32(0)), np.float32(255)))
 
