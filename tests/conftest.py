@@ -56,11 +56,12 @@ PATIENCE_S = 120.0
 """After which a test takes it that nothing will come: a hang ends, a busy machine does not."""
 
 SLOW = ("pipeline",
-        "gait_stage", "experiment", "params", "carp", "mend", "bpn",
-        "extract", "sweeps", "calibrate", "sprites", "footage_film", "resume", "animate_forecast", "animate_film", "render", "play",
-        "play_server", "morph_simple", "loops", "paths", "realism", "forecast", "gateways", "jumps", "examples",
-        "features", "distance_map", "clip", "tank_scene", "check", "report", "given_tracks", "export")  # fmt: skip
-"""The files that take longest, by the word after `test_`."""
+        "gait_stage", "experiment", "params", "carp", "mend", "sweeps",
+        "cluster", "extract", "calibrate", "findings", "render", "clip", "elsewhere", "footage_film", "realism", "modes", "sprites", "morph_simple",
+        "given_tracks", "examples", "gait_outline", "resume", "morph_stage", "play", "tank_scene", "retarget", "loops", "bpn", "length", "forecast",
+        "distance_map", "gait_tool", "gateways", "export", "gait_transfer", "guides", "features", "play_server", "animate_forecast", "identity", "check",
+        "animate_film", "paths", "report", "jumps")  # fmt: skip
+"""The files that take most processor time, most of it first, by the word after `test_`."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
