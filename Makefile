@@ -3,7 +3,10 @@
 
 VENV := .venv
 BIN := $(CURDIR)/$(VENV)/bin
-ORIGIN := { cat requirements.lock; echo "$(CURDIR)"; }
+PIP := $(VENV)/bin/python -m pip --quiet --disable-pip-version-check
+TOOLS := $(VENV)/tools
+LOCKS := requirements.lock requirements-tests.lock requirements-torch.lock
+ORIGIN := { cat $(LOCKS); echo "$(CURDIR)"; }
 OUTSIDE := $(subst $(BIN):,,$(PATH))
 export PATH := $(BIN):$(PATH)
 
@@ -13,7 +16,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro verify pull play blind stimulus runs sweep lint params-check bench docs pictures clean
+TARGETS := help demo film study ci-fixture test test-kernel setup tracks cluster params repro verify pull play blind stimulus runs sweep lint params-check bench docs pictures lock sbom clean
 .PHONY: $(TARGETS)
 
 # A second film beside FILM, or half of a path with a space, is a target to make: it would be left out in silence.
@@ -71,8 +74,8 @@ display:
 	@test "$$(uname)" != Linux || test -z "$(PYTHON)" || $(PYTHON) -c 'import ctypes.util, sys; sys.exit(not any(map(ctypes.util.find_library, ("EGL", "OSMesa"))))' \
 	|| { echo "finloop: neither libEGL nor libOSMesa is there, and the stage tank draws with one of them; install it (apt-get install libegl1)"; exit 1; }
 
-# The environment is made anew when the lock or the folder is not the one that it was made from.
-setup: ## create .venv from requirements.lock, once
+# The environment is made anew when a lock or the folder is not the one that it was made from.
+setup: ## create .venv from requirements.lock and its two neighbours, once
 	@$(ORIGIN) | cmp -s - $(VENV)/origin || $(MAKE) --no-print-directory $(VENV)
 	@git rev-parse --git-dir >/dev/null 2>&1 || git init --quiet .  # DVC wants a repository
 
@@ -85,9 +88,11 @@ $(VENV):
 	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 180 packages, PyTorch among them, some minutes ..."
 	@rm -f $(VENV)/origin
 	@$(PYTHON) -m venv --clear $(VENV)
-# Two at once, in two thirds of the time of one; then what another system wants beside the lock.
-	@grep -v '^#' requirements.lock | xargs -P 2 -n 31 $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps
-	@$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile -r requirements.lock
+# Every package is the file that was locked, or pip refuses it. Two at once take two thirds of the time of one.
+	@awk '/^[a-z]/ {half = 1 - half} half != "" {print > "$(VENV)/lock" half}' requirements.lock requirements-tests.lock
+	@printf '%s\n' 0 1 | xargs -P 2 -I{} $(PIP) install --no-compile --require-hashes --no-deps --requirement $(VENV)/lock{}
+	@$(PIP) install --no-compile --requirement requirements-torch.lock
+	@rm $(VENV)/lock0 $(VENV)/lock1
 # Bytecode by every core, which pip would make by one, for a minute; files that are no Python of today are left out,
 # and so are the packages' own tests and plotly, which nothing here imports.
 	@$(VENV)/bin/python -m compileall -q -j 0 -x '/(tests?|plotly)/' $(VENV)/lib >/dev/null 2>&1 || true
@@ -97,10 +102,10 @@ $(VENV):
 	@$(ORIGIN) > $(VENV)/origin
 
 tracks: setup ## install what reads and writes other programs' tracks (the extra `tracks`)
-	@python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-tracks.lock
+	@$(PIP) install --require-hashes --no-deps --requirement requirements-tracks.lock
 
 cluster: setup ## install Dask, to work on several machines (the extra `cluster`)
-	@python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-cluster.lock
+	@$(PIP) install --require-hashes --no-deps --requirement requirements-cluster.lock
 
 params: setup ## compose conf/ into params.yaml, after editing conf/
 	@python -m stages.compose $(S)
@@ -148,13 +153,32 @@ bench: setup ## measure speed and memory, as ratios in one run
 	@python -m benchmarks
 
 docs: setup ## README, guides, parameters and API as a site to read without a network (the extra `docs`)
-	@python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-docs.lock
+	@$(PIP) install --require-hashes --no-deps --requirement requirements-docs.lock
 	@python -m stages.parameters --write
 	@NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --quiet
 	@echo "Done. Open site/index.html"
 
 pictures: display setup ## draw every picture of the README and the guides anew; wants chromium
 	@python -m docs.draw
+
+$(TOOLS): requirements-tools.lock
+	@python -m venv --clear $(TOOLS)
+	@$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --requirement $<
+
+COMPILE = $(TOOLS)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
+	--custom-compile-command "make lock" --constraint requirements-torch.lock --no-emit-package torch $(S)
+
+lock: setup $(TOOLS) ## write the requirements*.lock anew from pyproject.toml, with hashes;  make lock S=--upgrade
+	@$(COMPILE) pyproject.toml --output-file requirements.lock
+	@$(COMPILE) --group tools --output-file requirements-tools.lock
+	@$(COMPILE) --no-deps requirements-tracks.in --output-file requirements-tracks.lock
+	@beside="--constraint requirements.lock $$(sed -n 's/^\([a-z0-9.-]*\)==.*/--no-emit-package \1/p' requirements.lock)"; \
+	$(COMPILE) $$beside --group tests --output-file requirements-tests.lock && for extra in cluster docs; do \
+	$(COMPILE) $$beside pyproject.toml --extra $$extra --output-file requirements-$$extra.lock || exit 1; done
+
+sbom: setup $(TOOLS) ## list all packages and their licences: sbom.cdx.json (CycloneDX), docs/licences.md
+	@$(TOOLS)/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --output-file sbom.cdx.json $(BIN)/python
+	@python -m docs.licences sbom.cdx.json
 
 clean: ## remove results and caches; DVC's cache and .venv stay
 	@git clean -Xdfq reports data

@@ -8,8 +8,8 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_make_setup_refuses_a_linked_environment_and_empties_nothing(tmp_path: Path) -> None:
-    for name in ("Makefile", "requirements.lock"):
-        shutil.copy(ROOT / name, tmp_path)
+    for path in (ROOT / "Makefile", *ROOT.glob("requirements*.lock")):
+        shutil.copy(path, tmp_path)
     kept = tmp_path / "other" / "pyvenv.cfg"
     kept.parent.mkdir()
     kept.write_text("home = /usr/bin\n")

@@ -26,19 +26,11 @@ from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
-from finloop.io.viewer import _load_viewer_script
 from finloop.tank import gltf
 from finloop.tank.camera import camera_views
 from finloop.tank.scene import TankScene, select_offscreen_renderer
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-
-
-def _viewer():
-    try:
-        return bool(_load_viewer_script())
-    except FinloopError:
-        return False
 
 
 def _draws():
@@ -50,7 +42,6 @@ def _draws():
 
 
 drawing = pytest.mark.skipif(not _draws(), reason="no libEGL, no libOSMesa: nothing draws in 3-D")
-viewing = pytest.mark.skipif(not _viewer(), reason="the package dash-model-viewer is not installed")
 TURNS = {"rotation_deg": np.linspace(0, 240, 12), "heading_deg": np.linspace(0, 240, 12)}
 
 
@@ -257,7 +248,6 @@ def folder(tmp_path, monkeypatch):
 
 
 @drawing
-@viewing
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
 def test_the_stage_and_its_page_in_a_browser_without_a_network(folder):
     from playwright.sync_api import sync_playwright
@@ -282,7 +272,7 @@ def test_the_stage_and_its_page_in_a_browser_without_a_network(folder):
         page.on("request", lambda request: asked.append(request.url))
         page.goto((folder / "data/tank/tank.html").as_uri())
         tank = "document.getElementById('tank')"
-        assert wait_for(lambda: page.evaluate(f"{tank}.loaded && !{tank}.paused"), 20)
+        assert wait_for(lambda: page.evaluate(f"{tank}.loaded && !{tank}.paused"))
         assert page.evaluate(f"[{tank}.availableAnimations, {tank}.paused]") == [["swim"], False]
         page.evaluate("for (const one of document.querySelectorAll('button')) one.click()")
         assert page.evaluate(f"{tank}.paused") and page.inner_text("#play") == "Play"
@@ -319,7 +309,7 @@ def test_what_is_wrong_is_said_and_what_was_there_stays(folder, monkeypatch):
     with pytest.raises(FinloopError, match=r"no data.animate.loops.parquet"):
         stages.tank.main()
     ready(folder, "tank.seconds=0.04")
-    monkeypatch.setattr("finloop.io.viewer._PACKAGE", "no-such-package")
-    with pytest.raises(FinloopError, match="no-such-package"):
+    monkeypatch.setattr("finloop.io.viewer._SHA256", "another")
+    with pytest.raises(FinloopError, match="whose sha256 is another"):
         stages.tank.main()
     assert set(content(Path("data/tank"))) == {"still.png"} and not Path("reports/tank").exists()

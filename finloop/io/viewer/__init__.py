@@ -1,18 +1,19 @@
 """A page that shows a .glb and plays its animation, all in one file: it needs no network.
 
-The viewer is <model-viewer> (Apache-2.0), from the installed package `dash-model-viewer`, which is
-used for nothing else and never imported.
+The viewer is <model-viewer> 4.4.0 (Apache-2.0): `dist/model-viewer-umd.min.js` of the npm package
+`@google/model-viewer`, unchanged.
 """
 
 import base64
+import hashlib
 import html
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes
 
-_PACKAGE, _SCRIPT = "dash-model-viewer", "dash_model_viewer/vendor/model-viewer-umd.min.js"
+_SCRIPT = Path(__file__).with_name("model-viewer-umd.min.js")
+_SHA256 = "d785423b1d046ea84a9f59ef6cf15f3077603e1bf938b01ced9b0240691884a2"
 _PAGE = Path(__file__).with_name("page.html")
 
 
@@ -22,8 +23,7 @@ def save_viewer(
     """Write an HTML page that shows a 3-D scene (.glb) with a camera that can follow the fish.
 
     alt: a description of the scene for screen readers. track: the fish's place x, y, z at every
-    tick, in units of the .glb. rate_hz: ticks per second. FinloopError if the viewer is not
-    installed.
+    tick, in units of the .glb. rate_hz: ticks per second. FinloopError if the viewer is damaged.
     """
     page = _PAGE.read_text(encoding="utf-8")  # it has {title}, {alt} … where the values belong
     for name, value in {
@@ -39,12 +39,12 @@ def save_viewer(
 
 
 def _load_viewer_script() -> str:
-    """Return the JavaScript of the 3-D viewer; FinloopError if its package is not installed."""
-    try:
-        return Path(str(distribution(_PACKAGE).locate_file(_SCRIPT))).read_text(encoding="utf-8")
-    except (PackageNotFoundError, OSError) as error:
+    """Return the JavaScript of the 3-D viewer; FinloopError if it is not the published file."""
+    script = _SCRIPT.read_bytes()
+    if (digest := hashlib.sha256(script).hexdigest()) != _SHA256:
         raise FinloopError(
-            f"the viewer for the 3-D page is not there ({error})",
-            f"the package {_PACKAGE}, whose file {_SCRIPT} goes into the page",
-            "make setup; or: pip install --no-deps dash-model-viewer==1.0.0",
-        ) from error
+            f"{_SCRIPT} is damaged: its sha256 is {digest}",
+            f"the viewer, whose sha256 is {_SHA256}",
+            "bring it back: git checkout the file, or install finloop again",
+        )
+    return script.decode()
