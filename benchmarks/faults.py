@@ -36,7 +36,7 @@ from finloop.io.checksums import (
     RECORD_NAME,
     DamagedFileError,
     check_file,
-    recorded_digests,
+    load_digests,
     unseal,
 )
 from stages.code import stage_module
@@ -218,7 +218,7 @@ def _read_source(stage: str) -> str:
 def list_artefacts(folder: Path) -> list[Path]:
     """Return the files of a run that have a checksum, records and kept results among them."""
     records = [path for place in PLACES for path in (folder / place).rglob(RECORD_NAME)]
-    named = {path for record in records for path in recorded_digests(record.parent)}
+    named = {path for record in records for path in load_digests(record.parent)}
     return sorted(named.union(records)) + sorted((folder / "data").glob(".*.kept/*"))
 
 

@@ -25,7 +25,7 @@ from finloop.io.checksums import (
     check_file,
     file_digest,
     find_damage,
-    recorded_digests,
+    load_digests,
     save_checksums,
     seal,
     unseal,
@@ -52,7 +52,7 @@ def whole(tiny: Path) -> Path:
 
 
 @contextmanager
-def flipped(path: Path, share: float, bit: int = 0) -> Iterator[None]:
+def flip_bit(path: Path, share: float, bit: int = 0) -> Iterator[None]:
     """One bit of a file is another one; share: where, from 0 at its head to 1 at its end."""
     before = path.read_bytes()
     after = bytearray(before)
@@ -64,10 +64,10 @@ def flipped(path: Path, share: float, bit: int = 0) -> Iterator[None]:
         path.write_bytes(before)
 
 
-def recorded(run: Path) -> list[Path]:
+def list_artefacts(run: Path) -> list[Path]:
     """Every file that a record names, and every record."""
     records = [path for top in ("data", "reports") for path in (run / top).rglob(RECORD_NAME)]
-    named = {path for record in records for path in recorded_digests(record.parent)}
+    named = {path for record in records for path in load_digests(record.parent)}
     return sorted(named.union(records))
 
 
@@ -116,7 +116,7 @@ def test_a_whole_run_is_loaded(whole):
 def test_no_reader_takes_a_file_with_a_flipped_bit(whole, share):
     for name, load in LOADS.items():
         path = whole / "data" / name
-        with flipped(path, share), Project(whole) as project:
+        with flip_bit(path, share), Project(whole) as project:
             with pytest.raises(DamagedFileError, match=rf"{path.name} is damaged.*\n.*\n.*repro"):
                 load(project)
 
@@ -127,12 +127,12 @@ def test_every_artefact_is_compared(whole):
         path for top in ("data", "reports") for path in (whole / top).rglob("*") if path.is_file()
     }
     report = {whole / "reports" / name for name in ("index.html", "report/metrics.json")}
-    assert files - {*recorded(whole)} == report
-    for number, path in enumerate(recorded(whole)):
-        with flipped(path, number % 7 / 6, number % 8):
+    assert files - {*list_artefacts(whole)} == report
+    for number, path in enumerate(list_artefacts(whole)):
+        with flip_bit(path, number % 7 / 6, number % 8):
             with pytest.raises(DamagedFileError, match=r"is damaged"):
                 check_file(path) if path.name != RECORD_NAME else check_file(path.parent / "a")
-    assert [check_file(path) for path in recorded(whole)] == recorded(whole)
+    assert [check_file(path) for path in list_artefacts(whole)] == list_artefacts(whole)
 
 
 @pytest.fixture
@@ -151,7 +151,7 @@ def test_verify_removes_what_is_damaged_in_the_cache_of_dvc(whole, cache, monkey
     monkeypatch.chdir(whole)
     film, names = sorted(cache.rglob("files/md5/*/*"), key=lambda path: path.suffix)
     for path, other in ((film, names), (names, film)):
-        with flipped(path, 0.5):
+        with flip_bit(path, 0.5):
             with pytest.raises(FinloopError, match=rf"{path.name}, in DVC's cache, .*removed"):
                 stages.verify.main()
             assert not path.exists() and other.exists()
@@ -164,7 +164,7 @@ def test_verify_names_all_damage_and_has_dvc_look_again(whole, monkeypatch, caps
     stages.verify.main()
     assert "as they were written, in" in capsys.readouterr().out
     film, table = whole / "data/render/modes.mp4", whole / "data/identity/identities.parquet"
-    with flipped(film, 0.3), flipped(table, 0.9):
+    with flip_bit(film, 0.3), flip_bit(table, 0.9):
         before = film.stat().st_mtime_ns
         with pytest.raises(FinloopError) as caught:
             stages.verify.main()
@@ -258,7 +258,7 @@ def test_each_flipped_bit_of_a_sealed_file_is_noticed(tmp_path, capsys):
     assert unseal(path) == inside and unseal(tmp_path / "none") is None
     length = path.stat().st_size
     for place in range(length):
-        with flipped(path, place / (length - 1), place % 8):
+        with flip_bit(path, place / (length - 1), place % 8):
             assert unseal(path) is None
     assert capsys.readouterr().err.count("piece is damaged") == length
 
@@ -267,7 +267,7 @@ def test_each_flipped_bit_of_a_sealed_file_is_noticed(tmp_path, capsys):
 def test_a_damaged_piece_of_an_interrupted_run_is_named_and_made_again(tmp_path, capsys, share):
     pieces = Checkpoints(tmp_path)
     assert pieces.load_or_make("12", lambda: [1]) == [1]
-    with flipped(tmp_path / "12", share):
+    with flip_bit(tmp_path / "12", share):
         assert pieces.load_or_make("12", lambda: [2]) == [2]
         assert "12 is damaged; what it kept is made again" in capsys.readouterr().err
         assert pieces.load_or_make("12", lambda: [3]) == [2]
@@ -281,7 +281,7 @@ def test_a_damaged_result_that_was_kept_is_named_and_missing(tmp_path, capsys):
     kept.save("loops", "values", pack_values([1 / 3]))
     assert kept.load("loops", "values", unpack_values) == [1 / 3]
     for share in (0, 0.5, 1):
-        with flipped(next(tmp_path.iterdir()), share):
+        with flip_bit(next(tmp_path.iterdir()), share):
             assert kept.load("loops", "values", unpack_values) is None
     assert capsys.readouterr().err.count("is damaged") == 3
 
@@ -320,7 +320,7 @@ def test_a_page_of_a_table_that_stands_alone_is_compared(tmp_path):
     whole = load_table(path, schema)
     noticed = 0
     for share in (0.2, 0.4, 0.6, 0.8):
-        with flipped(path, share), pytest.raises(FinloopError, match="cannot be read as a table"):
+        with flip_bit(path, share), pytest.raises(FinloopError, match="cannot be read as a table"):
             noticed += 1
             load_table(path, schema)
     assert noticed == 4 and load_table(path, schema).equals(whole)

@@ -85,7 +85,7 @@ def _load_record(path: Path) -> dict[str, str]:
     return digests
 
 
-def recorded_digests(folder: Path) -> dict[Path, str]:
+def load_digests(folder: Path) -> dict[Path, str]:
     """Return the files that a folder's record names as written, with their digests.
 
     {} for a folder without a record; DamagedFileError if the record is damaged.
@@ -135,7 +135,7 @@ def find_damage(folder: Path) -> list[DamagedFileError]:
     """
     errors = list[DamagedFileError]()
     try:
-        digests = recorded_digests(folder)
+        digests = load_digests(folder)
     except DamagedFileError as error:
         return [error]
     for path, wanted in digests.items():
