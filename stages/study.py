@@ -143,20 +143,26 @@ def read_study_file(path: Path) -> tuple[dict[str, Overrides], Overrides]:
         problems.append("its films are no `name: path`")
     elif unknown := set(values) - {"films", "settings"}:
         problems.append(f"it has {', '.join(sorted(map(str, unknown)))}")
-    if not isinstance(common, Mapping):
+    if not _are_settings(common):
         problems.append("its settings are no `parameter: value`")
     runs: dict[str, Overrides] = {}
     for name, film in () if problems else films.items():
         if not NAME.fullmatch(str(name)):
             problems.append(f"the name {name!r} has more than letters, digits, _ and -")
         settings = {"path": film} if isinstance(film, str) else film
-        if not isinstance(settings, Mapping) or not isinstance(settings.get("path", ""), str):
+        if not _are_settings(settings):
             problems.append(f"{name} is neither a path nor settings")
             continue
         runs[str(name)] = _format_overrides(settings, path.parent)
     if problems:
         raise FinloopError(f"{path} is not a study: {'; '.join(problems)}", EXAMPLE, "correct it")
     return runs, _format_overrides(common, path.parent)
+
+
+def _are_settings(values: Any) -> bool:
+    """Return whether a value of a study file is settings: names with values, a path as a text."""
+    has_names = isinstance(values, Mapping) and all(isinstance(name, str) for name in values)
+    return has_names and isinstance(values.get("path", ""), str)
 
 
 def _format_overrides(values: Mapping[str, Any], folder: Path) -> Overrides:

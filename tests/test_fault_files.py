@@ -19,6 +19,7 @@ from finloop.io.limits import MOST_BYTES, MOST_RATIO, call_aside, limit_memory, 
 from finloop.io.picture import decode_picture
 from finloop.io.poses import load_poses
 from finloop.io.poses.pickled import load_plain_pickle
+from stages.study import read_study_file
 
 ROOT = Path(__file__).parents[1]
 FUZZ = """
@@ -133,6 +134,13 @@ def test_yaml_that_is_deep_or_multiplies_is_refused(text, said):
 
 def test_yaml_with_aliases_is_read():
     refuse_yaml_bomb("a: &a {x: 1}\nb: [*a, *a]\nc: {<<: *a}\n")
+
+
+@pytest.mark.parametrize("text", ["films: {a: {1: 2}}", "films: {a: b}\nsettings: {path: 1}"])
+def test_a_study_whose_settings_have_no_names_is_refused(tmp_path, text):
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(FinloopError, match="is not a study"):
+        read_study_file(tmp_path / "a.yaml")
 
 
 class Runs:

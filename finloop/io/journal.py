@@ -100,7 +100,7 @@ def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatc
         try:
             file = stack.enter_context(path.open("rb"))
             reader = stack.enter_context(pa.ipc.open_stream(file))
-        except (OSError, pa.ArrowInvalid) as error:
+        except (OSError, pa.ArrowException, MemoryError) as error:
             raise _unreadable_error(path, error) from error
         yield reader.schema, _read_intact_batches(reader)
 
@@ -108,7 +108,7 @@ def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatc
 def _unreadable_error(path: Path, error: Exception) -> FinloopError:
     """Return the error for a file that is no journal, or cannot be opened."""
     return FinloopError(
-        f"{path} cannot be read ({str(error).splitlines()[0]})",
+        f"{path} cannot be read ({str(error).partition(chr(10))[0]})",
         "the journal of a session",
         "name another .journal file: one cut off at its start holds no rows to recover",
     )
@@ -120,7 +120,8 @@ def _read_intact_batches(reader: pa.RecordBatchStreamReader) -> Iterator[pa.Reco
         try:
             part = reader.read_next_batch()
             part.validate(full=True)
-        except (StopIteration, OSError, pa.ArrowInvalid):
+        # MemoryError: a damaged part declares a size that no memory holds.
+        except (StopIteration, OSError, pa.ArrowException, MemoryError):
             return
         yield part
 
