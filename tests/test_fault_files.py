@@ -48,7 +48,7 @@ BAD = {
     "says nothing": bad(lambda folder: fail(FinloopError("", "a", "b"))),
 }
 for number, name in enumerate([*READERS]):
-    if number % 3:  # the others take too long here
+    if number % 6:  # the others take too long here
         del READERS[name]
 count = len(READERS)
 READERS.update(BAD)
