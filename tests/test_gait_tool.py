@@ -208,7 +208,7 @@ def test_what_is_wrong_is_said_and_nothing_is_left(tmp_path, one, two, given, sa
 @pytest.mark.parametrize("output", ["out.gif", "out", "/dev/null/out.svg"])
 def test_the_command_cannot_write_there(output, capsys):
     assert main([*DOG, "--gait", "dog_walk", "-o", output, *SMALL]) == 1
-    assert output in capsys.readouterr().err
+    assert output.removesuffix("/out.svg") in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("wrong", [["--rate", "fast"], ["--rate", "1/0"], ["--rate", "-3"]])

@@ -167,7 +167,7 @@ sys.stdin.read()
 
 
 def get_page(address):
-    page = HTTPConnection(address, timeout=60)
+    page = HTTPConnection(address, timeout=PATIENCE_S)
     try:
         page.request("GET", "/show")
         return page.getresponse().status
@@ -203,7 +203,7 @@ def test_silent_connections_do_not_stop_requests(tmp_path, capfd):
 def test_a_connection_that_asks_for_nothing_ends(tmp_path, monkeypatch):
     with running(tmp_path) as (address, _), way_in(address, "animals", None) as way:
         for sent in (b"", b"GET / HTTP/1.1\r\nHost: x"):  # nothing, and half a request
-            with socket.create_connection(address.split(":"), timeout=60) as silent:
+            with socket.create_connection(address.split(":"), timeout=PATIENCE_S) as silent:
                 silent.sendall(sent)
                 monkeypatch.setattr(web, "PATIENCE_S", 0.0)
                 with suppress(ConnectionResetError):

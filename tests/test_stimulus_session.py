@@ -220,7 +220,7 @@ def test_a_journal_is_held_until_its_process_ends_however_it_does(tmp_path):
 def test_recover_refuses_a_session_that_runs_overwrites_nothing_and_leaves_the_journal(tmp_path):
     made, plan = scene(), plan_of({"a": {"seconds": 0.5} | GOALS})
     film = SimpleNamespace(
-        scene=made,
+        context=made,
         feed=lambda *_, **__: feed_of(made, plan),
         header=lambda *_, **__: header_of(made, plan),
     )
@@ -367,7 +367,7 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     damaged = bytearray((tmp_path / "a.parquet").read_bytes())
     damaged[len(damaged) // 3] ^= 1
     (tmp_path / "b.parquet").write_bytes(damaged)
-    with pytest.raises(FinloopError, match=r"b\.parquet is damaged"):
+    with pytest.raises(FinloopError, match=r"b\.parquet cannot be read"):
         list(read_displayed_frames(open_session_record(tmp_path / "b.parquet")))
 
 

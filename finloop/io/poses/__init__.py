@@ -164,8 +164,13 @@ def _check_poses(path: Path, software: Software, poses: Poses) -> None:
         numbers = f"{poses.frame.min()} to {poses.frame.max()}"
         raise unreadable_error(path, software, f"its frames have the numbers {numbers}")
     rows = poses.frame * len(poses.individuals) + poses.individual
-    if (np.diff(rows) == 0).any():  # rows are sorted
-        raise unreadable_error(path, software, "several animals of a frame have the same track")
+    if len(twice := np.flatnonzero(np.diff(rows) == 0)):  # rows are sorted
+        animal = poses.individuals[poses.individual[twice[0]]]
+        raise FinloopError(
+            f"{path} has several places of the animal {animal} in frame {poses.frame[twice[0]]}",
+            f"one place for each animal in each frame, as {software} writes with tracks",
+            f"track the animals in {software}, so that each has a name, and export again",
+        )
 
 
 def _dimensions_error(path: Path, dimensions: int) -> FinloopError:
