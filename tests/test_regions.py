@@ -8,7 +8,7 @@ from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, signed_area
 from finloop.gait.limbs import BORDER, EMPTY, check_traced_contour, region_contour
-from finloop.io.regions import load_regions, save_masks
+from finloop.io.regions import MOST_FRAMES, load_regions, save_masks
 
 
 def square(x, size=12, shape=(40, 50)):
@@ -123,3 +123,18 @@ def test_names_must_tell_the_frame(masks, name, word):
     (masks / "leg/0002.png").rename(masks / "leg" / name)
     with pytest.raises(FinloopError, match=word):
         load_regions(masks, region_contour, check_traced_contour)
+
+
+@pytest.mark.parametrize("kind", ["masks", "traces"])
+def test_numbers_that_no_film_reaches_are_refused_by_name(masks, tmp_path, kind):
+    last, late, folder = masks / "leg/0002.png", f"leg_{10**12}", masks
+    if kind == "traces":
+        leg, folder = Curve(np.array([[5.0, 5.0], [9.0, 5.0], [9.0, 9.0]]), True), tmp_path / "t"
+        save_traces(folder, [Drawing({"leg": leg}, 50, 40)] * 3)
+        last = folder / "0002.svg"
+    odd = last.with_name(f"{late}{last.suffix}")
+    odd.write_bytes(last.read_bytes())
+    with pytest.raises(FinloopError, match=rf"{last} and {odd}, {10**12 - 3} frames have no"):
+        load_regions(folder, region_contour, check_traced_contour)
+    odd.rename(odd.with_stem(str(MOST_FRAMES - 1)))  # as long as a film of limbs may be
+    assert len(load_regions(folder, region_contour, check_traced_contour).frames) == MOST_FRAMES

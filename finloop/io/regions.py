@@ -8,6 +8,7 @@ no path.
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
 
@@ -23,6 +24,8 @@ from finloop.io.svg import load_svg
 
 T = TypeVar("T")
 DIGITS = 4
+MOST_FRAMES = 100_000
+"""Frames from the first number to the last: an hour of film. A wrong number reaches further."""
 BRIGHT = 128  # of 255: least level of a pixel of the mask
 _WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each frame"
 
@@ -58,8 +61,9 @@ def load_regions(
     which each limb is a closed path with its id. convert_mask: turns a boolean mask (h, w) into
     what the caller wants of a region, such as its contour. convert_trace: does so with a closed
     path and the width and height of its picture [px]. FinloopError if there is no folder or nothing
-    in it, masks and traces are mixed, a file's name has no number, two have the same, a file cannot
-    be read, a path is open, sizes differ, or all masks of a limb are too dark but not all black.
+    in it, masks and traces are mixed, a file's name has no number, two have the same, they are too
+    far apart, a file cannot be read, a path is open, sizes differ, or all masks of a limb are too
+    dark but not all black.
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
@@ -87,8 +91,9 @@ def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], 
     frame without a picture of a limb has None for it.
     """
     numbered = {name: _paths_by_number(files) for name, files in paths.items()}
-    numbers = [number for files in numbered.values() for number in files]
-    first, last = min(numbers), max(numbers)
+    first, last = _frame_span(
+        {number: path for files in numbered.values() for number, path in files.items()}
+    )
     frames: list[dict[str, T | None]] = [dict.fromkeys(paths) for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
     for name, files in numbered.items():
@@ -116,7 +121,7 @@ def _load_traces(
     A frame without a path of a limb has None for it.
     """
     numbered = _paths_by_number(paths)
-    first, last = min(numbered), max(numbered)
+    first, last = _frame_span(numbered)
     frames: list[dict[str, T]] = [{} for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
     for number, path in numbered.items():
@@ -147,6 +152,22 @@ def _paths_by_number(paths: list[Path]) -> dict[int, Path]:
             )
         by_number[int(numbers[-1])] = path
     return by_number
+
+
+def _frame_span(paths: Mapping[int, Path]) -> tuple[int, int]:
+    """Return the first and the last number of files; FinloopError if they are too far apart.
+
+    paths: files by their numbers.
+    """
+    numbers = sorted(paths)
+    if numbers[-1] - numbers[0] >= MOST_FRAMES:
+        before, after = max(pairwise(numbers), key=lambda pair: pair[1] - pair[0])
+        raise FinloopError(
+            f"between {paths[before]} and {paths[after]}, {after - before - 1} frames have no file",
+            f"numbers of at most {MOST_FRAMES} frames, from the first to the last",
+            "number the files as the frames, such as 0007",
+        )
+    return numbers[0], numbers[-1]
 
 
 def _require_one_size(
