@@ -31,6 +31,7 @@ from omegaconf.errors import OmegaConfBaseException
 from finloop.base.errors import FinloopError
 from finloop.base.override import quote_override
 from finloop.base.settings import GROUPS, check_values, full_names, variants, yaml_error
+from finloop.base.yaml_limits import refuse_yaml_bomb
 from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
 from stages.conflicts import find_conflicts
@@ -47,6 +48,13 @@ def compose_params(overrides: list[str]) -> str:
     if refusal := quoting_error(overrides):
         raise refusal
     root = Path.cwd()
+    for path in LOCAL.parent.glob("*.yaml"):  # deep nesting would end the process in Hydra
+        try:
+            refuse_yaml_bomb(path.read_text(encoding="utf-8", errors="replace"))
+        except yaml.MarkedYAMLError:
+            continue  # composing names the place
+        except yaml.YAMLError as error:
+            raise yaml_error(path, error) from error
     with TemporaryDirectory() as folder:
         output = Path(folder) / PARAMS.name
         try:

@@ -558,7 +558,7 @@ def test_ones_own_film_and_settings_are_composed_every_time(own_folder):
             "clip: !!python/object:os.system {}",
             "default.yaml, line 1, column 7: could not determine",
         ),
-        ("clip: " + "[" * 3000, "local/default.yaml: it is nested too deeply"),
+        ("clip: " + "[" * 100_000, "local/default.yaml: it is nested more than 50 levels deep"),
     ],
 )
 def test_a_mistake_in_ones_own_settings_is_answered_by_what_to_write(own_folder, text, answer):
