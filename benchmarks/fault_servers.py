@@ -20,6 +20,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from http.client import HTTPConnection, HTTPException
 from pathlib import Path
@@ -35,6 +36,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from benchmarks.stimulus import Live, connect_page, finish_session, hostile_texts, run_session
+from finloop.live.server import MOST_PAGES
 
 OUT = Path("benchmarks/fault_servers.csv")
 MESSAGES, CONNECTIONS, HELD, ASKED = 100_000, 1000, 200, 20
@@ -112,8 +114,14 @@ def send_all(connection: ClientConnection, count: int, seed: int) -> None:
 
 
 def attack_tank(tank: Tank, seed: int) -> None:
-    """Send hostile messages to the live tank."""
-    send_all(open_page(tank.address, "tank"), MESSAGES, seed)
+    """Send hostile messages to the live tank, from all pages that it admits beside the counter."""
+    pages = MOST_PAGES - 1
+    with ThreadPoolExecutor(pages) as attackers:
+        for sent in [
+            attackers.submit(send_all, open_page(tank.address, "tank"), MESSAGES // pages, seed + n)
+            for n in range(0, 2 * pages, 2)
+        ]:
+            sent.result()
 
 
 def attack_session(live: Live, seed: int) -> None:
@@ -164,9 +172,8 @@ def attack_server(
         took = time.perf_counter() - begin
         return (counter.ticks - ticks) / took, took
 
-    quiet, _ = measure_rate(lambda: time.sleep(QUIET_S))
-    memory = 0.0
     for turn in range(2):
+        quiet, _ = measure_rate(lambda: time.sleep(QUIET_S))
         memory = program.memory_info().rss / 2**20
         attacked, took = measure_rate(lambda turn=turn: attack(turn))  # type: ignore[misc]
         answers = list[tuple[int, float]]()

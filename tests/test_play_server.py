@@ -23,7 +23,7 @@ from finloop.edit.modes import MODES, ONE_FISH
 from finloop.live import fish as play_fish
 from finloop.live.message import LONGEST, MOST_PLACES, parse_message
 from finloop.live.server import BEHIND, PageClient, TankHost, create_tank_server
-from finloop.live.web import bind_socket
+from finloop.live.web import bind_socket, cancel_task
 from finloop.render.gallery import Gallery
 from finloop.social.zones import Zones
 from stages.play import PAGE, _build_parser
@@ -213,6 +213,28 @@ def test_a_page_that_is_behind_gets_the_newest_frame_later():
             assert await asyncio.wait_for(page.next_frame(), PATIENCE_S) == b"%d" % number
             page.confirm_frame(number)
 
+    asyncio.run(story())
+
+
+@pytest.mark.parametrize(("rest_s", "heard"), [(3600.0, range(2, 3)), (0.0, range(1000, 9999))])
+def test_after_each_message_of_a_page_there_is_a_rest(monkeypatch, rest_s, heard):
+    class Flood:
+        async def receive(self):
+            return {"type": "websocket.receive", "text": "x"}
+
+        async def send_bytes(self, frame):
+            pass
+
+    async def story():
+        host = TankHost(view_of())
+        floods = [asyncio.create_task(host.serve_page(Flood())) for _ in range(2)]
+        for _ in range(1000):  # of all tasks each has its turn
+            await asyncio.sleep(0)
+        assert host.view.bad_messages in heard  # of both pages
+        for flood in floods:
+            await cancel_task(flood)
+
+    monkeypatch.setattr(served, "REST_S", rest_s)
     asyncio.run(story())
 
 

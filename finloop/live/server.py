@@ -1,7 +1,8 @@
 """The server of the live tank: one page, one WebSocket, this machine only.
 
 A page cannot make memory grow: only the last request of each kind is kept until the next frame, and
-a page that is two frames behind gets no third.
+a page that is two frames behind gets no third. Nor can it take the processor from the fish: after
+each of its messages there is a rest.
 """
 
 import asyncio
@@ -17,6 +18,7 @@ from finloop.live.message import AdvanceTick, FrameDrawn, PageRequest, SetGoal, 
 from finloop.live.view import TankView
 from finloop.live.web import (
     GONE,
+    LARGEST,
     AccessPolicy,
     AppServer,
     SocketRoute,
@@ -25,6 +27,8 @@ from finloop.live.web import (
 )
 
 MOST_PAGES = 8
+REST_S = 0.001
+"""No further message of a page is read for so long: 1000 a second. A page sends about 120."""
 _FRAMES_HZ = 60.0  # the highest frame rate
 _MOST_TICKS = 16  # the most ticks to catch up with at once; time beyond them is lost
 _MOST_STEPS = 32  # the most single steps kept until the next frame
@@ -169,7 +173,7 @@ class TankHost:
         self._changed.set()
         sending = asyncio.create_task(send_frames())
         try:
-            async for text in receive_messages(connection):
+            async for text in receive_messages(connection, REST_S):
                 self.store_request(page, text)
         finally:
             self.pages.discard(page)
@@ -184,6 +188,8 @@ def create_tank_server(
     page: the HTML. listens: the bound socket. started: called once the server can be reached.
     """
     host, policy = TankHost(view), AccessPolicy(listens.getsockname()[1])
+    # What a page sent too fast waits in a small buffer: its rest is soon read after it has left.
+    listens.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, LARGEST)
     sockets = [SocketRoute("/tank", host.serve_page, MOST_PAGES)]
     return AppServer(
         listens, policy, {"/": page}, sockets, tasks=lambda: [host.run_tank()], started=started

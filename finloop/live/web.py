@@ -131,8 +131,14 @@ def bind_socket(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> 
     return bound
 
 
-async def receive_messages(connection: WebSocket) -> AsyncIterator[str | bytes | None]:
-    """Yield the messages of a WebSocket until it closes; None for one that broke the protocol."""
+async def receive_messages(
+    connection: WebSocket, rest_s: float = 0.0
+) -> AsyncIterator[str | bytes | None]:
+    """Yield the messages of a WebSocket until it closes; None for one that broke the protocol.
+
+    rest_s: how long no further message is read after each. Meanwhile the system's buffers fill, and
+    the sender has to wait.
+    """
     while True:
         message = await connection.receive()
         if message["type"] == "websocket.disconnect":
@@ -141,7 +147,7 @@ async def receive_messages(connection: WebSocket) -> AsyncIterator[str | bytes |
             return
         text: str | None = message.get("text")
         yield message.get("bytes") if text is None else text
-        await asyncio.sleep(0)  # other clients come first if one sends without pause
+        await asyncio.sleep(rest_s)  # even with 0, other clients come first
 
 
 async def cancel_task(task: "asyncio.Task[None]") -> None:
