@@ -26,7 +26,7 @@ from finloop.live.web import HOST, AccessPolicy, AppServer, bind_socket
 from finloop.plan.load_paths import load_track_or_file
 from finloop.project import Project
 from finloop.stimulus.inputs import receive_datagrams
-from finloop.stimulus.listing import describe_protocol
+from finloop.stimulus.listing import describe_points, describe_protocol
 from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.motion import plan_all_trials
 from finloop.stimulus.order import order_trials
@@ -78,8 +78,12 @@ def show(options: argparse.Namespace) -> None:
     print(describe_protocol(protocol, order_trials(protocol)))
     calibration = load_display_calibration(options.display, protocol.display.calibrated)
     with bind_socket(options.port, options.listen) as listens, open_scene(protocol) as film:
+        _print_points(protocol, film.context.tank.width, film.context.tank.height)
         messages = _animal_messages(options, film, protocol)
         with _open_session(options, protocol, film, RealClock(), display=calibration) as session:
+            if check := film.screen_check(options.display):
+                session.screen = check.describe_tank(), check.share_outside > 0
+                print(session.screen[0])
             hub = SessionHub(session, options.display, display_file(options.display))
             session.connect_outputs(hub.send, hub.send_trigger)
             policy = _access_policy(options, listens)
@@ -90,22 +94,38 @@ def show(options: argparse.Namespace) -> None:
 
 
 def dry_run(options: argparse.Namespace) -> None:
-    """Run a protocol without a display, as fast as possible, and write the session's file."""
+    """Run a protocol without a display, as fast as possible, and write the session's file.
+
+    The exit status is 1 if a fish leaves the screen of the display, as far as that is calibrated.
+    """
     protocol = load_protocol(options.protocol)
     print(describe_protocol(protocol, order_trials(protocol)))
     with open_scene(protocol) as film:
+        _print_points(protocol, film.context.tank.width, film.context.tank.height)
+        check = film.screen_check(options.display)
+        unknown = f"the display {options.display} is not calibrated: its size is unknown"
+        print(check.describe_tank() if check else unknown)
         clock = DryClock(repeat_messages(_animal_messages(options, film, protocol)))
         with _open_session(options, protocol, film, clock, dry=True) as session:
             clock.receive = session.receive_message
             session.waits_for_starts = False  # nobody is there to press a key
+            if check:
+                session.watch_tick = check.count_tick
             session.start()
             asyncio.run(session.run_trials())
+    if check:
+        print(check.describe_ticks())
+        if check.ticks_outside:
+            sys.exit(1)
 
 
 def list_only(options: argparse.Namespace) -> None:
     """Print the trials of a protocol."""
     protocol = load_protocol(options.protocol)
     print(describe_protocol(protocol, order_trials(protocol)))
+    if protocol.animals is not None and protocol.animals.points:
+        facts = Project().facts
+        _print_points(protocol, facts.width_px, facts.height_px)
 
 
 def replay(options: argparse.Namespace) -> None:
@@ -188,6 +208,12 @@ def calibrate(options: argparse.Namespace) -> None:
 # --- parts
 
 
+def _print_points(protocol: Protocol, width: float, height: float) -> None:
+    """Print where the tracker's points fall in a tank of a size in px; FinloopError if wrong."""
+    if protocol.animals is not None and (text := describe_points(protocol.animals, width, height)):
+        print(f"\n{text}")
+
+
 @contextmanager
 def _open_session(
     options: argparse.Namespace, protocol: Protocol, film: FilmedScene, clock: Any, **facts: Any
@@ -202,10 +228,10 @@ def _open_session(
     path = options.out / f"{stamp}_{name}.parquet"
     journal = path.with_suffix(".journal")
     looks = look_messages(protocol)
-    # The command `dry` has neither the option --digest nor --display.
+    # The command `dry` has no option --digest.
     feed = film.feed(
         looks, protocol.fish, display=facts.get("display"), mode="session",
-        digest=getattr(options, "digest", False), name=getattr(options, "display", "none"),
+        digest=getattr(options, "digest", False), name=options.display,
         keys=[protocol.start_key] if protocol.start_key else [],
     )  # fmt: skip
     fields = {"display": None, "folder": str(options.protocol.parent)} | facts
@@ -361,8 +387,9 @@ def _build_parser() -> argparse.ArgumentParser:
             ("--gap", 60.0, "s of silence every 10 s"),
         ):  # fmt: skip
             animal.add_argument(name, type=_number_up_to(most), default=0.0, help=text)
-    for command in (show_parser, calibrate_parser):
+    for command in (show_parser, dry_parser, calibrate_parser):
         command.add_argument("--display", default="display", help="its name; default display")
+    for command in (show_parser, calibrate_parser):
         command.add_argument("--listen", default=HOST, help="address of this machine for others")
     for command in (show_parser, calibrate_parser, replay_parser):
         command.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free")

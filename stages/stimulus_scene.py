@@ -24,6 +24,7 @@ from finloop.stimulus.motion import TrialContext, warm_up_stimulus
 from finloop.stimulus.order import Trial
 from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import Protocol
+from finloop.stimulus.screen import ScreenCheck
 from stages.modes.matching import open_mode
 from stages.settings import load_settings
 
@@ -56,6 +57,14 @@ class FilmedScene:
             "mm_per_px": context.mm_per_px, "typical": self.pictures.measure_typical_fish(),
         }  # fmt: skip
         return Feed(self.tank, fields | facts, self.pictures)
+
+    def screen_check(self, name: str) -> ScreenCheck | None:
+        """Return what counts fish outside a display; None if it is not calibrated. name: of it."""
+        path = display_file(name)
+        if not path.exists():
+            return None
+        context = self.context
+        return ScreenCheck(load_display(path), context.world.tank.legal, context.mm_per_px)
 
     def header(self, protocol: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
         """Return the header of a session's file: software, protocol, trials, film, parameters.

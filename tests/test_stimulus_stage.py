@@ -15,6 +15,7 @@ from tiny_run import TinyRun
 import stages.stimulus
 from finloop.base.errors import FinloopError
 from finloop.io.journal import save_journal
+from finloop.project import Project
 from finloop.stimulus.display import DisplayCalibration, save_display
 from finloop.stimulus.protocol_file import load_protocol
 from finloop.stimulus.replay import SessionRecord, open_session_record
@@ -70,6 +71,43 @@ def test_it_is_listed_run_dry_and_planned_again(workspace, tmp_path, monkeypatch
     assert "a dry run" in words and all(f"| {name} |" in words for name in CONDITIONS)
     command(monkeypatch, "replay", session, "--check")
     assert ", 0 differ" in capsys.readouterr().out
+
+
+def test_a_dry_run_says_how_often_a_fish_is_outside_the_screen(
+    workspace, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("stages.stimulus_scene.DISPLAYS", tmp_path)
+    path = protocol(tmp_path, conditions={"goals": CONDITIONS["goals"]})
+    facts = {"width_px": 400, "height_px": 300, "ratio": 1.0, "refresh_hz": 60.0}
+    for name, scale in (("large", None), ("small", 50.0)):
+        display = DisplayCalibration(**facts, scale=scale)
+        save_display(tmp_path / f"{name}.json", display)
+    command(monkeypatch, "dry", path, "--out", tmp_path, "--display", "large")
+    told = capsys.readouterr().out
+    assert "0.0 % of the area" in told and "0.00 % of the ticks" in told
+    with pytest.raises(SystemExit, match="1"):
+        command(monkeypatch, "dry", path, "--out", tmp_path / "b", "--display", "small")
+    assert "the screen 400 × 300 px" in capsys.readouterr().out
+    assert list(tmp_path.glob("b/*.parquet"))  # the session is whole before
+
+
+def test_points_of_another_tank_are_refused_before_anything_runs(
+    workspace, tmp_path, monkeypatch, capsys
+):
+    places = [[0, 0], [4999, 0], [4999, 4999], [0, 4999]]
+    points = [{"tracker": place, "tank": place} for place in places]
+    path = protocol(tmp_path, animals={"points": points})
+    for name in ("list", "dry"):
+        with pytest.raises(FinloopError, match="corners of a tank of 5000 × 5000 px"):
+            command(monkeypatch, name, path, *(["--out", tmp_path] if name == "dry" else []))
+    assert not list(tmp_path.glob("*.parquet"))
+    width, height = Project().facts.width_px, Project().facts.height_px
+    for pair in points:
+        pair["tank"] = [
+            min(x, size - 1) for x, size in zip(pair["tank"], (width, height), strict=True)
+        ]
+    command(monkeypatch, "list", protocol(tmp_path, animals={"points": points}))
+    assert f"which is {width} × {height}:" in capsys.readouterr().out
 
 
 def test_a_journal_that_was_left_becomes_a_session(workspace, tmp_path, monkeypatch, capsys):

@@ -95,7 +95,7 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
     }  # fmt: skip
     if with_constants:
         status |= {
-            "demands": list(list_requirements(session.protocol)),
+            "demands": list(list_requirements(session.protocol)), "screen": session.screen,
             "calibrated": session.protocol.display.calibrated, "gap_s": session.animals.gap_s,
             "mm_per_px": session.context.mm_per_px, "protocol": session.protocol.name,
             "seed": session.protocol.seed, "file": session.name,

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from finloop.stimulus.order import Trial, find_source_trial
 from finloop.stimulus.protocol import Condition, Motion, Protocol
+from finloop.stimulus.tracker import TrackerSettings, fit_calibration, refuse_other_tank
 
 _ORDERS = {"given": "in the order given", "shuffled": "shuffled", "blocks": "in blocks"}
 _KEYS = {" ": "space bar", "Enter": "enter key"}
@@ -41,6 +42,31 @@ def list_requirements(protocol: Protocol) -> Iterator[str]:
         yield f"a message to start each trial: {protocol.start_message}"
     for trigger in protocol.triggers:
         yield f"a receiver of the trigger at the {trigger.at} of each trial: {trigger.to}"
+
+
+def describe_points(settings: TrackerSettings, width: float, height: float) -> str:
+    """Return a text that says where the tracker's points fall in the tank; "" without points.
+
+    width, height: of the tank's picture, px. FinloopError if they are those of another tank, or no
+    view of the tank shows them.
+    """
+    if not settings.points:
+        return ""
+    refuse_other_tank(settings, width, height)
+    fit = fit_calibration(settings, None)
+    rows = [
+        (_place(pair.tracker), _place(pair.tank), _place(fit.map_place(*pair.tracker)))
+        for pair in settings.points
+    ]
+    return "\n".join([
+        f"the tracker's points in px of the tank, which is {width:g} × {height:g}:",
+        *_aligned_table(("sent", "as written", "as it is used"), rows),
+    ])  # fmt: skip
+
+
+def _place(place: tuple[float, float]) -> str:
+    """Return a place in words, such as "(12.5, 0.0)"."""
+    return "({:.1f}, {:.1f})".format(*(round(value, 1) + 0.0 for value in place))  # no -0.0
 
 
 def _condition_lines(protocol: Protocol) -> Iterator[str]:

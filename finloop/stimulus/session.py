@@ -105,6 +105,7 @@ class Session:
         self.counts = SessionCounts()
         self._send: Callable[[bytes], None] = lambda content: None
         self._send_trigger: Callable[[str, str], str | None] = lambda to, text: None
+        self.watch_tick: Callable[[States], None] = lambda states: None  # gets each planned tick
         self.phase = "ready"  # waiting, planning, running, pause, done
         self.trial_index = -1
         self.done: dict[int, str] = {}  # how each trial ended, by its number
@@ -112,6 +113,8 @@ class Session:
         self.displays = 0
         self.display: dict[str, Any] | None = None  # facts about it
         self.name = self.link = ""  # of the session's file, and the address of the display's page
+        # How much of the tank the display shows, in words, and whether it is not all.
+        self.screen: tuple[str, bool] | None = None
         self.messages: deque[str] = deque(maxlen=50)
         self.shown: States | None = None  # what was displayed last
         self._motions: dict[str, States] = {}  # of the latest trial of each condition
@@ -461,6 +464,8 @@ class Session:
         was planned. replanned: whether it was sent before; what was sent then is void.
         """
         self._seq += 1
+        if not replanned:
+            self.watch_tick(states)
         for message in self.feed.tick_messages(self._seq, tick, due_s, states, replanned):
             self._send(message)
         self.log.add_entry(

@@ -27,6 +27,7 @@ MOST_AT_ONCE = 64
 LONGEST = 16_000  # bytes of a message
 _LONGEST_TRIGGER = 1000  # bytes
 MOST_PAIRS = 16  # pairs of points of a calibration
+_CORNER_PX = 2.0  # how far from a corner of the picture a point still means that corner
 _HORIZON = 1e-9  # least weight of a place
 _FLAT = 1e-3  # points whose triangle is smaller, as a share of their extent², are on one line
 
@@ -191,6 +192,30 @@ def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Track
         "more that include the corners of a quadrangle",
         "correct the pairs {tracker: [x, y], tank: [x, y]}; corners of the tank are best",
     )
+
+
+def refuse_other_tank(settings: TrackerSettings, width: float, height: float) -> None:
+    """Raise FinloopError if the points are corners of a tank of another size, in px.
+
+    width, height: of the tank's picture. Points that are no rectangle from its upper left are
+    landmarks, which may be anywhere.
+    """
+    if not settings.points:
+        return
+    places = np.array([pair.tank for pair in settings.points])
+    right, bottom = places.max(axis=0).tolist()
+    for corner in ((0, 0), (right, 0), (right, bottom), (0, bottom)):
+        if np.abs(places - corner).max(axis=1).min() > _CORNER_PX:
+            return
+    # Pixel centres are whole numbers: the last one is the size less 1.
+    if max(abs(right - (width - 1)), abs(bottom - (height - 1))) > _CORNER_PX:
+        raise FinloopError(
+            f"the tracker's points are the corners of a tank of {right + 1:g} × {bottom + 1:g} px,"
+            f" and this film's is {width:g} × {height:g} px",
+            "the corners of this film's tank, or other points in px of its picture",
+            f"write its corners: [0, 0], [{width - 1:g}, 0], [{width - 1:g}, {height - 1:g}],"
+            f" [0, {height - 1:g}]",
+        )
 
 
 def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) -> Iterator[str]:
