@@ -218,9 +218,10 @@ def _print_points(protocol: Protocol, width: float, height: float) -> None:
 def _open_session(
     options: argparse.Namespace, protocol: Protocol, film: FilmedScene, clock: Any, **facts: Any
 ) -> Iterator[Session]:
-    """Yield a new session; at its end write its file and description.
+    """Yield a new session; when it ends write its file and description, and again at the exit.
 
-    clock: a RealClock, or one that does not wait. facts: further fields of the file's header.
+    What is logged after the session's end, such as a note, is only in the second writing. clock: a
+    RealClock, or one that does not wait. facts: further fields of the file's header.
     """
     trials = order_trials(protocol)
     stamp = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
@@ -240,6 +241,7 @@ def _open_session(
         try:
             session = Session(film.context, protocol, trials, feed, log, clock)
             session.name = str(path)
+            session.save_file = partial(_write_session_file, journal, path)
             try:
                 yield session
             finally:

@@ -194,7 +194,7 @@ def test_what_is_amiss_with_the_display_is_said(shown_page):
 
 ENABLED = {
     "ready": "start abort", "planning": "skip stop abort", "waiting": "start skip stop abort",
-    "running": "skip stop abort", "pause": "skip stop abort", "done": "",
+    "running": "skip stop abort", "pause": "skip stop abort", "saving": "", "done": "",
 }  # fmt: skip
 
 

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
@@ -217,25 +218,58 @@ def test_a_journal_is_held_until_its_process_ends_however_it_does(tmp_path):
         pass
 
 
-def test_recover_refuses_a_session_that_runs_overwrites_nothing_and_leaves_the_journal(tmp_path):
+@contextmanager
+def opened_session(folder):
+    """A session of half a second, as the program opens it; files go to `folder`."""
     made, plan = scene(), plan_of({"a": {"seconds": 0.5} | GOALS})
     film = SimpleNamespace(
         context=made,
         feed=lambda *_, **__: feed_of(made, plan),
         header=lambda *_, **__: header_of(made, plan),
     )
-    options = argparse.Namespace(out=tmp_path / "a", protocol=tmp_path / "toy.yaml")
+    options = argparse.Namespace(out=folder, protocol=folder / "toy.yaml")
     with stages.stimulus._open_session(options, plan, film, DryClock()) as session:
+        session.waits_for_starts = False
+        yield session
+
+
+def test_the_file_is_whole_when_the_session_ends_and_has_later_notes_at_the_exit(tmp_path):
+    with opened_session(tmp_path) as session:
+        phases, save = [], session.save_file
+
+        def save_file():
+            phases.append(session.phase)
+            save()
+
+        session.save_file = save_file
+        session.start()
+        asyncio.run(session.run_trials())
+        assert phases == ["saving"] and session.phase == "done"
+        [path] = tmp_path.glob("*.parquet")
+        record = open_session_record(path)
+        events = [json.loads(row["text"])["what"] for row in record.read_rows("event")]
+        assert events == ["begin", "end"] and session.name == str(path)
+        made = session.context
+        assert replan_session(record, made, session.protocol) == (made.count_ticks(0.5), 0)
+        assert "1 | a |" in path.with_suffix(".md").read_text()
+        session.log_event("note", text="a late one")
+    rows = list(open_session_record(path).read_rows("event"))
+    assert "a late one" in rows[-1]["text"] and not list(tmp_path.glob("*.journal"))
+
+
+def test_recover_refuses_a_session_that_runs_overwrites_nothing_and_leaves_the_journal(tmp_path):
+    folder = tmp_path / "a"
+    with opened_session(folder) as session:
         session.log_event("note", text="first")
         session.log.write_entries()
-        [journal] = options.out.glob("*.journal")
+        [journal] = folder.glob("*.journal")
         cut = tmp_path / "left.journal"
         cut.write_bytes(journal.read_bytes())  # as if the power had failed
         with pytest.raises(FinloopError, match="its session runs"):
             stages.stimulus.recover(argparse.Namespace(journal=journal))
         session.log_event("note", text="last")
-    assert [path.suffix for path in sorted(options.out.iterdir())] == [".md", ".parquet"]
-    assert "text last" in next(options.out.glob("*.md")).read_text()
+    assert [path.suffix for path in sorted(folder.iterdir())] == [".md", ".parquet"]
+    assert "text last" in next(folder.glob("*.md")).read_text()
     before = cut.read_bytes()
     stages.stimulus.recover(argparse.Namespace(journal=cut))
     assert cut.read_bytes() == before and "text first" in cut.with_suffix(".md").read_text()

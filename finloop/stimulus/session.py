@@ -33,6 +33,7 @@ _MOST_LEAD_S, _LEAD_TICKS = 0.008, 0.25
 _FIRST_S = 0.3  # from the beginning of a trial to its first tick: time to send its pictures
 _JUMP_S = 0.5  # a larger change of wall clock against session clock is a jump
 _RECENT = 512  # latencies kept of each kind
+_LAST_RECORDS_S = 0.3  # within it a page has sent its records of the last frames
 
 
 class RealClock:
@@ -106,7 +107,8 @@ class Session:
         self._send: Callable[[bytes], None] = lambda content: None
         self._send_trigger: Callable[[str, str], str | None] = lambda to, text: None
         self.watch_tick: Callable[[States], None] = lambda states: None  # gets each planned tick
-        self.phase = "ready"  # waiting, planning, running, pause, done
+        self.save_file: Callable[[], None] = lambda: None  # writes the session's file, in a thread
+        self.phase = "ready"  # waiting, planning, running, pause, saving, done
         self.trial_index = -1
         self.done: dict[int, str] = {}  # how each trial ended, by its number
         self.waits_for_starts = True  # whether trials wait for keys and messages
@@ -322,7 +324,7 @@ class Session:
     # --- trials
 
     async def run_trials(self) -> None:
-        """Run all trials once `start` is called; return when the session has ended."""
+        """Run all trials once `start` is called; return when the session's file is written."""
         await self._begun.wait()
         self.log_event("begin", wall=datetime.now().astimezone().isoformat())
         gc.freeze()  # present objects are not scanned again after each trial
@@ -336,8 +338,13 @@ class Session:
                     await self._wait_until(self.clock.read_time() + self.protocol.pause_s)
         finally:
             gc.unfreeze()
-        self.phase = "done"
+        self.phase = "saving"
         self.log_event("end", wall=datetime.now().astimezone().isoformat())
+        self.log_unwritten()
+        await self.clock.wait_until(self.clock.read_time() + _LAST_RECORDS_S)
+        await asyncio.to_thread(self.log.write_entries)
+        await asyncio.to_thread(self.save_file)
+        self.phase = "done"
 
     async def _run_trial(self, trial: Trial) -> None:
         """Prepare one trial, wait for its start if it has one, and show it."""
