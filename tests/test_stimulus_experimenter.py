@@ -27,7 +27,7 @@ WHOLE = {
 STATE = {
     "phase": "running", "now": 93.4, "trial": 1, "left_s": 45.2, "done": {"1": "done"}, "start": " ",
     "display": {"name": "lab", "width": 1920, "height": 1080, "ratio": 1.0, "renderer": "ANGLE (lab)", "calibrated": True, "refresh_hz": 59.94, "hidden": False},
-    "displays": 1, "frames": 5520, "dropped": 3, "late": 1,
+    "displays": 1, "draws": True, "frames": 5520, "dropped": 3, "late": 1,
     "latency": {"planned_ms": [1.84, 4.06], "drawn_ms": [14.2, 27.9], "tick_ms": None},
     "fish": [[600.0, 200.0, 0.5, 120.0, 1.0]],
     "animals": [["larva 1", 300.0, 500.0, 1.57, 0.02], ["larva 2", 900.0, 600.0, None, 4.0]],
@@ -184,6 +184,11 @@ def test_what_is_amiss_with_the_display_is_said(shown_page):
     shown_page.tell(display=STATE["display"] | amiss, displays=2)
     warnings = shown_page.page.locator("#display dd.warn").all_inner_texts()
     assert len(warnings) == 3 and "the protocol demands it" in warnings[0]
+    shown_page.tell(phase="ready", trial=-1, draws=False)
+    assert "no display shows frames" in text(shown_page, "what")
+    assert "none come" in text(shown_page, "display")
+    shown_page.tell(phase="waiting", start="auto", draws=False)
+    assert "as no display showed frames" in text(shown_page, "phase")
     assert not shown_page.page.locator("#nodisplay").is_visible()
     shown_page.tell(display=None, displays=0)
     link = shown_page.page.locator("#nodisplay a")

@@ -55,14 +55,19 @@ READY = {"do": "ready", "width": 1280, "height": 720, "ratio": 1, "renderer": "r
 
 
 @contextmanager
-def running(folder, token=None, digest=False, listens_at="127.0.0.1", inputs=list, **plan):
+def running(
+    folder, token=None, digest=False, listens_at="127.0.0.1", inputs=list, draws=True, **plan
+):
     """A session that is served; its file is there when the block ends.
 
-    inputs: takes the session; makes the tasks that receive messages by other ways.
+    inputs: takes the session; makes the tasks that receive messages by other ways. draws: whether
+    the session is told that a display shows frames; else a test has one.
     """
     plan = plan_of(plan.pop("conditions", CONDITIONS), **plan)
     session, _ = session_of(folder, plan, RealClock())
     session.feed.facts["digest"] = digest
+    if draws:
+        session.is_display_drawing = lambda: True
     room = SessionHub(session, "toy", folder / "display.json")
     session.connect_outputs(room.send, room.send_trigger)
 
@@ -247,7 +252,7 @@ def test_a_lack_of_files_is_said_once(capfd):
 
 
 GOOD = [
-    READY, {"do": "ping", "sent": 1.5}, {"do": "key", "key": " "}, {"do": "hidden", "on": True},
+    READY, {"do": "ping", "sent": 1.5, "frames": 3}, {"do": "key", "key": " "}, {"do": "hidden", "on": True},
     {"do": "display", "display": {}}, {"do": "note", "text": "<b>"}, {"do": "trigger", "name": "x"},
     {"t": 1.5, "id": "1", "x": 3.0, "y": 4.0}, [{"t": 2, "id": 1, "x": 3, "y": 4}], [[[[[]]]]], None, {},
 ]  # fmt: skip
@@ -313,6 +318,32 @@ def test_the_first_page_is_the_display_and_others_are_mirrors(tmp_path):
     assert [row["number"] for row in record.read_rows("frame")] == [4]
 
 
+def test_start_is_refused_until_the_display_reports_frames(tmp_path):
+    with running(tmp_path, draws=False) as (address, session):
+        desk = way_in(address, "experimenter", max_queue=None)
+        with desk, way_in(address, "display") as page:
+            refused = iter(range(1, 9))
+
+            def assert_refused():
+                desk.send('{"do":"start"}')
+                number = next(refused)
+                assert wait_for(lambda: len(session.messages) == number)
+                assert "no display shows frames" in session.messages[-1]
+                assert session.phase == "ready"
+
+            assert_refused()  # nothing is connected yet but a page that is not ready
+            page.send(json.dumps(READY))
+            page.send(json.dumps({"do": "ping", "sent": 1.0, "frames": 0}))
+            assert wait_for(lambda: session.display)
+            assert_refused()  # it is there, and draws nothing
+            page.send(json.dumps({"do": "ping", "sent": 2.0, "frames": 30}))
+            assert wait_for(session.is_display_drawing)
+            desk.send('{"do":"start"}')
+            assert wait_for(lambda: session.phase != "ready")
+            desk.send('{"do":"abort"}')
+            assert wait_for(lambda: session.phase == "done")
+
+
 # --- the experimenter, triggers
 
 
@@ -355,12 +386,12 @@ def test_a_session_is_aborted_in_the_middle_and_loses_nothing(tmp_path):
 def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
     with chromium() as browser:
         long = {name: one | {"seconds": 1.2} for name, one in CONDITIONS.items()}
-        with running(tmp_path, digest=True, conditions=long) as (address, session):
+        with running(tmp_path, digest=True, draws=False, conditions=long) as (address, session):
             page = browser.new_page(viewport={"width": 640, "height": 480})
             bad = []
             page.on("pageerror", lambda error: bad.append(str(error)))
             page.goto(f"http://{address}/show")
-            assert wait_for(lambda: session.display is not None)
+            assert wait_for(session.is_display_drawing)
             desk = way_in(address, "experimenter", max_queue=None)
             with desk, way_in(address, "animals", None) as way:
                 desk.send('{"do":"start"}')

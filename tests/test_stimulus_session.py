@@ -559,6 +559,8 @@ def test_frames_that_are_drawn_after_the_next_is_due_are_late(tmp_path):
 def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path):
     plan = plan_of({"a": {"seconds": 1.0} | GOALS}, start={"key": "space"}, repeats=2)
     session, _ = session_of(tmp_path, plan, DryClock())
+    session.add_display({"name": "d"})
+    session.note_frame()
 
     async def run_session():
         session.start()
@@ -576,6 +578,36 @@ def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path)
     asyncio.run(run_session())
     session.log.close()
     assert session.done == {1: "done"} and session.phase == "done"
+
+
+def test_no_trial_runs_before_a_display_that_has_stopped_to_draw(tmp_path):
+    """It went in the pause: neither key nor Start begins the next trial before frames come again."""
+    plan = plan_of({"a": {"seconds": 0.5} | GOALS}, repeats=2, pause_s=10)
+    session, _ = session_of(tmp_path, plan, DryClock())
+    session.add_display({"name": "d"})
+
+    async def run_session():
+        session.start()
+        assert not session._begun.is_set()
+        session.note_frame()
+        session.start()
+        running = asyncio.create_task(session.run_trials())
+        while session.phase != "waiting":
+            await asyncio.sleep(0)
+        assert session.done == {1: "done"} and "a trial waits for Start" in session.messages[-1]
+        session.start()
+        session.note_frame()
+        session.set_hidden(True)
+        session.start()
+        await asyncio.sleep(0)
+        assert session.phase == "waiting" and "not started" in str(session.messages)
+        session.set_hidden(False)
+        session.start()
+        await running
+
+    asyncio.run(run_session())
+    session.log.close()
+    assert session.done == {1: "done", 2: "done"}
 
 
 # --- the feed

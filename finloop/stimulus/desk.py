@@ -73,7 +73,8 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
     status: dict[str, Any] = {
         "phase": session.phase, "now": round(now, 2), "trial": session.trial_index,
         "left_s": session.remaining_s(now), "done": session.done, "start": start,
-        "display": session.display, "displays": session.displays, "stopping": session.stopping,
+        "display": session.display, "displays": session.displays,
+        "draws": session.is_display_drawing(), "stopping": session.stopping,
         "frames": counts.frames, "dropped": counts.dropped, "late": counts.late,
         "latency": {
             name: _percentiles(getattr(counts, name))

@@ -65,10 +65,14 @@ class DisplayReady(StrictModel):
 
 
 class TimeRequest(StrictModel):
-    """A page's request for the session's time; sent: ms of the page's clock."""
+    """A page's request for the session's time, and its report that it draws.
+
+    sent: ms of the page's clock. frames: how many frames it has drawn.
+    """
 
     do: Literal["ping"]
     sent: Annotated[float, Field(ge=-1e12, le=1e12)]
+    frames: Annotated[int, Field(ge=0, le=2**53)]
 
 
 class CalibrationMessage(StrictModel):
@@ -101,7 +105,7 @@ class DisplayPage:
 
     def __init__(self, connection: WebSocket) -> None:
         """Begin with an empty queue; the page is not ready yet."""
-        self.connection, self.ready = connection, False
+        self.connection, self.ready, self.frames = connection, False, 0
         self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_MOST_WAITING)
 
     def send(self, content: bytes) -> bool:
@@ -224,6 +228,10 @@ class SessionHub(DisplayHub):
                     "refresh_hz": calibration["refresh_hz"] if calibration else None,
                     "calibration": calibration,
                 })  # fmt: skip
+            case TimeRequest():
+                if message.frames > screen.frames and self.screens[:1] == [screen]:
+                    self.session.note_frame()
+                screen.frames = message.frames
             case KeyPress():
                 self.session.press_key(message.key)
             case CalibrationMessage():

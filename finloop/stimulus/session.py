@@ -32,7 +32,9 @@ from finloop.stimulus.tracker import LONGEST, parse_trigger
 _MOST_LEAD_S, _LEAD_TICKS = 0.008, 0.25
 _FIRST_S = 0.3  # from the beginning of a trial to its first tick: time to send its pictures
 _JUMP_S = 0.5  # a larger change of wall clock against session clock is a jump
+_NO_DISPLAY = "no display shows frames: open its page in front of all other windows"
 _RECENT = 512  # latencies kept of each kind
+_SILENT_S = 3.0  # a display that reported no frame for so long shows none
 _LAST_RECORDS_S = 0.3  # within it a page has sent its records of the last frames
 
 
@@ -111,7 +113,7 @@ class Session:
         self.phase = "ready"  # waiting, planning, running, pause, saving, done
         self.trial_index = -1
         self.done: dict[int, str] = {}  # how each trial ended, by its number
-        self.waits_for_starts = True  # whether trials wait for keys and messages
+        self.waits_for_starts = True  # for keys, messages and a display; False in a dry run
         self.displays = 0
         self.display: dict[str, Any] | None = None  # facts about it
         self.name = self.link = ""  # of the session's file, and the address of the display's page
@@ -129,6 +131,7 @@ class Session:
         self._last_intended_s = 0.0  # when the last frame was due
         # Conditions whose motions others repeat, and which are kept therefore.
         self._repeated = {condition.motion.again for condition in protocol.conditions.values()}
+        self._frame_reported_s: float | None = None  # when a display reported a frame last
         self._begun = asyncio.Event()
         self._may_start = asyncio.Event()
         self.stopping = self._abort = self._skip = False
@@ -147,7 +150,14 @@ class Session:
     # --- the experimenter, keys, triggers
 
     def start(self) -> None:
-        """Begin the session, or the trial that waits for its start."""
+        """Begin the session, or the trial that waits; refuse and report it if no display draws."""
+        if self.waits_for_starts and not self.is_display_drawing():
+            self.report_outside_event("not started", reason=_NO_DISPLAY)
+        else:
+            self._release()
+
+    def _release(self) -> None:
+        """Let the session, or the trial that waits, go on."""
         self._begun.set()
         self._may_start.set()
 
@@ -155,13 +165,13 @@ class Session:
         """End the session after the present trial, and log that."""
         self.stopping = True
         self.log_outside_event("stop")
-        self.start()
+        self._release()
 
     def abort(self) -> None:
         """End the session at once, and log that."""
         self.stopping = self._abort = True
         self.log_outside_event("abort")
-        self.start()
+        self._release()
 
     def skip(self) -> None:
         """Skip the rest of the present trial, and log that."""
@@ -173,7 +183,7 @@ class Session:
         """Log a key press at a display or by the experimenter; it may start a waiting trial."""
         self.log_outside_event("key", key=key)
         if self.phase == "waiting" and key == self.protocol.start_key:
-            self._may_start.set()
+            self.start()
 
     def log_event(self, what: str, **facts: Any) -> None:
         """Log an event, with facts about it that JSON can hold."""
@@ -226,7 +236,7 @@ class Session:
         if name is not None:
             self.log_outside_event("trigger", name=name, source=source)
             if self.phase == "waiting" and name == self.protocol.start_message:
-                self._may_start.set()
+                self.start()
             return
         verdicts = self.animals.receive_message(text, source, arrived_s)
         if not (self.animals.is_changed or self.limits.may_write_refusal(size, arrived_s)):
@@ -254,6 +264,16 @@ class Session:
 
     # --- display
 
+    def note_frame(self) -> None:
+        """Note that the display has reported a frame now."""
+        self._frame_reported_s = self.clock.read_time()
+
+    def is_display_drawing(self) -> bool:
+        """Return whether a display is visible and has reported a frame in the last seconds."""
+        if self.display is None or self.display["hidden"] or self._frame_reported_s is None:
+            return False
+        return self.clock.read_time() - self._frame_reported_s <= _SILENT_S
+
     def record_frames(self, message: bytes) -> None:
         """Log a page's records of displayed frames; count missed and late ones, and measure delays.
 
@@ -265,6 +285,7 @@ class Session:
         except ValueError:
             self.counts.bad += 1
             return
+        self.note_frame()
         for page_facts, states in frames:
             number = page_facts.number + self._page_first_frame  # the page counts from 0
             facts = page_facts._replace(number=number)
@@ -351,7 +372,10 @@ class Session:
         self._skip, self.phase = False, "planning"
         setup = TrialSetup.from_protocol(self.protocol, trial)
         states = await self._prepare_motion(trial, setup)  # None if planned tick by tick
-        waits = self.protocol.start != "auto" and self.waits_for_starts
+        waits = self.waits_for_starts and self.protocol.start != "auto"
+        if self.waits_for_starts and not (waits or self.is_display_drawing()):
+            self.report_event("a trial waits for Start", trial=trial.number, reason=_NO_DISPLAY)
+            waits = True
         if waits and not (self._abort or self._skip):
             self.phase = "waiting"
             self._may_start.clear()

@@ -42,7 +42,7 @@ function ready() {
   tell({do: "ready", width, height, ratio, renderer: RENDERER, agent: navigator.userAgent.slice(0, 400)});
 }
 
-function ping() { tell({do: "ping", sent: performance.now()}); }
+function ping() { tell({do: "ping", sent: performance.now(), frames: number}); }
 
 function connect() {
   socket = new WebSocket(`ws://${location.host}/display${location.search}`);
@@ -144,7 +144,7 @@ function frame(ms) {
   number += 1;
   show(known ? hello.fish : 0, ms, ideal, seq);
   if (ms - sentAt > EVERY_MS) flush(ms);
-  if (number % 120 === 0) ping();
+  if (number % 30 === 0) ping();  // also the report that frames are drawn
 }
 
 // Draw the states, and note it. ms: when the browser began the frame; ideal: when it should have.
