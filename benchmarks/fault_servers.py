@@ -41,7 +41,15 @@ from finloop.live.server import MOST_PAGES
 OUT = Path("benchmarks/fault_servers.csv")
 MESSAGES, CONNECTIONS, HELD, ASKED = 100_000, 1000, 200, 20
 QUIET_S = 8.0
-READY = {"do": "ready", "width": 1280, "height": 720, "ratio": 1, "renderer": "-", "agent": "-"}
+READY = {
+    "do": "ready",
+    "page": "counter",
+    "width": 1280,
+    "height": 720,
+    "ratio": 1,
+    "renderer": "-",
+    "agent": "-",
+}
 Row = tuple[str, str, str, float]
 
 

@@ -685,6 +685,17 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
     assert server.seen.bad == []
 
 
+def test_a_page_keeps_its_identity_in_another_size(browser):
+    server = Server(browser)
+    server.page.set_viewport_size({"width": 500, "height": 310})
+    resized = server.until("resized")[-1]
+    assert (resized["width"], resized["height"], resized["ratio"]) == (500, 310, 1)
+    server.sockets[-1].close()
+    first, again = server.until("ready", 2)
+    assert first["page"] == again["page"] and len(first["page"]) > 20
+    assert server.seen.bad == []
+
+
 def test_a_lost_connection_is_not_seen_and_comes_back(browser):
     server = Server(browser)
     page = server.page

@@ -42,6 +42,7 @@ from finloop.stimulus.serve import (
     parse_display_message,
 )
 from finloop.stimulus.session import RealClock
+from finloop.stimulus.summary import summarise_session
 
 CONDITIONS = {
     "known": {"seconds": 0.8, "motion": {"goals": [[0.2, 0.2], [0.8, 0.8]]}},
@@ -51,7 +52,15 @@ CONDITIONS = {
         "look": {"as": "silhouette"},
     },
 }
-READY = {"do": "ready", "width": 1280, "height": 720, "ratio": 1, "renderer": "r", "agent": "a"}
+READY = {
+    "do": "ready",
+    "page": "a",
+    "width": 1280,
+    "height": 720,
+    "ratio": 1,
+    "renderer": "r",
+    "agent": "a",
+}
 
 
 @contextmanager
@@ -305,17 +314,53 @@ def test_hostile_messages_over_the_wire_leave_a_trial_as_it_is(tmp_path, capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
-def test_the_first_page_is_the_display_and_others_are_mirrors(tmp_path):
+def ready_page(page, identity):
+    page.send(json.dumps(READY | {"page": identity}))
+    assert b'"hello"' in page.recv(timeout=PATIENCE_S)
+
+
+def frame_record(*numbers):
+    return b"".join(np.array([number, 0, 0, 0, 0, 0, 0, 0.0]).tobytes() for number in numbers)
+
+
+def test_displays_are_counted_by_identity_and_frames_are_logged_in_order(tmp_path):
+    """Two pages; the first is resized, connects again, and goes: its mirror becomes the display."""
     with running(tmp_path) as (address, session):
-        with way_in(address, "display") as first, way_in(address, "display") as second:
-            for page in (first, second):
-                page.send(json.dumps(READY))
-                assert b'"hello"' in page.recv(timeout=PATIENCE_S)
-            for number, page in ((3, second), (4, first)):
-                page.send(np.array([number, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
-            assert wait_for(lambda: session.counts.frames) and session.displays == 2
+        counts = session.counts
+        with way_in(address, "display") as second:
+            with way_in(address, "display") as first:
+                first.send(frame_record(1))  # before it is ready, it is no display
+                ready_page(first, "a")
+                assert wait_for(lambda: session.displays == 1)
+                ready_page(second, "b")
+                assert wait_for(lambda: session.displays == 2)
+                assert "mirrors the display: pages 2" in session.messages[-1]
+                for width in (1920, 1280, 1920):
+                    size = {"width": width, "height": 1080, "ratio": 1}
+                    first.send(json.dumps({"do": "resized"} | size))
+                    assert wait_for(lambda at=width: session.display["width"] == at)
+                second.send(json.dumps({"do": "hidden", "on": True}))
+                second.send(frame_record(40, 41))  # a mirror's
+                first.send(frame_record(2, 3))
+                assert wait_for(lambda: counts.frames == 2)
+                with way_in(address, "display") as again:
+                    ready_page(again, "a")
+                    with pytest.raises(ConnectionClosed):
+                        while True:
+                            first.recv(timeout=PATIENCE_S)
+                    assert session.displays == 2 and session.display["page"] == "a"
+                    again.send(frame_record(3, 4, 5))  # one of them twice
+                    assert wait_for(lambda: counts.frames == 4) and counts.bad == 1
+            assert wait_for(lambda: session.display["page"] == "b")
+            assert session.displays == 1 and session.display["hidden"]
+            second.send(frame_record(43, 44))
+            assert wait_for(lambda: counts.frames == 6)
+        assert wait_for(lambda: session.displays == 0) and session.display is None
     record = open_session_record(tmp_path / "toy.parquet")
-    assert [row["number"] for row in record.read_rows("frame")] == [4]
+    # The parity stays, which the photodiode's square shows.
+    assert [row["number"] for row in record.read_rows("frame")] == [2, 3, 4, 5, 7, 8]
+    [_, shown] = summarise_session(record).split("## Display")
+    assert shown.partition("## Timing")[0].count("1280 × 720 px") == 2
 
 
 def test_start_is_refused_until_the_display_reports_frames(tmp_path):

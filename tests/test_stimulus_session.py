@@ -42,6 +42,7 @@ from finloop.stimulus.summary import (
 )
 
 RULE = {"motion": {"rule": {"rule": "approach"}}}
+DISPLAY = {"page": "a", "name": "d", "hidden": False}
 GOALS = {"motion": {"goals": [[0.2, 0.2], [0.8, 0.8]]}}
 ALL = {
     "fish": {"seconds": 1.0} | GOALS,
@@ -475,9 +476,8 @@ def test_names_and_notes_are_no_markup_in_the_summary(tmp_path):
     plan = plan_of({"<b>|a": {"seconds": 0.5} | GOALS}, name="<img src=x onerror=y>")
     session, _ = session_of(tmp_path, plan, DryClock())
     assert handle_request(session, json.dumps({"do": "note", "text": bad}))
-    session.add_display(
-        {"name": "<i>", "renderer": bad, "width": 1, "height": 1, "calibrated": False}
-    )
+    facts = {"name": "<i>", "renderer": bad, "width": 1, "height": 1, "calibrated": False}
+    session.set_display(facts | {"page": "a"}, 1)
     session.receive_message("x", "<u>")
     session.waits_for_starts = False
     session.start()
@@ -529,14 +529,13 @@ def test_a_clock_that_jumps_is_told(tmp_path):
 
 def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
     session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), DryClock())
-    came = {"name": "d", "calibrated": False}
-    session.add_display(came)
+    session.set_display(DISPLAY, 1)
     record = np.array([6, 0, 0, 0, 0, 0, 0, 0.0]).tobytes()
     session.record_frames(record)
     session.phase, session.trial_index = "running", 0
-    session.remove_display()
+    session.set_display(None, 0)
     assert session.display is None and "display has gone" in session.messages[-1]
-    session.add_display(came)
+    session.set_display(DISPLAY | {"page": "b"}, 1)
     session.record_frames(np.array([1, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
     assert session._last_frame == 9  # the parity that the square shows stays
     session.record_frames(b"nonsense")
@@ -546,7 +545,7 @@ def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
 
 def test_frames_that_are_drawn_after_the_next_is_due_are_late(tmp_path):
     session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), DryClock())
-    session.add_display({"name": "d"})
+    session.set_display(DISPLAY, 1)
     for number, took in enumerate((4, 5, 17, 4, 40)):
         at = 10 + number / 60
         session.record_frames(
@@ -559,7 +558,7 @@ def test_frames_that_are_drawn_after_the_next_is_due_are_late(tmp_path):
 def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path):
     plan = plan_of({"a": {"seconds": 1.0} | GOALS}, start={"key": "space"}, repeats=2)
     session, _ = session_of(tmp_path, plan, DryClock())
-    session.add_display({"name": "d"})
+    session.set_display(DISPLAY, 1)
     session.note_frame()
 
     async def run_session():
@@ -584,7 +583,7 @@ def test_no_trial_runs_before_a_display_that_has_stopped_to_draw(tmp_path):
     """It went in the pause: neither key nor Start begins the next trial before frames come again."""
     plan = plan_of({"a": {"seconds": 0.5} | GOALS}, repeats=2, pause_s=10)
     session, _ = session_of(tmp_path, plan, DryClock())
-    session.add_display({"name": "d"})
+    session.set_display(DISPLAY, 1)
 
     async def run_session():
         session.start()

@@ -171,7 +171,9 @@ def parse_frame_records(message: bytes, width: int) -> list[tuple[FrameFacts, St
         offset += numbers.nbytes
         facts = FrameFacts(*numbers.tolist())
         is_count = facts.fish_count in range(MOST_SHOWN + 1)
-        if not (is_count and np.isfinite(numbers).all()):
+        whole_numbers = (facts.number, facts.seq, facts.dropped, facts.digest)
+        is_whole = all(value.is_integer() for value in whole_numbers) and facts.dropped < 2**31
+        if not (is_count and np.isfinite(numbers).all() and is_whole):
             raise ValueError("no record of a frame")
         fish = int(facts.fish_count)
         states = np.frombuffer(message, "<f4", fish * width, offset).reshape(fish, width)

@@ -52,16 +52,26 @@ _SAVE_S = 0.5  # time between two writings of the log
 class DisplayReady(StrictModel):
     """A page's message that it is ready to show a stimulus, with facts about its display.
 
-    width, height: px of its window; ratio: device px per CSS px; renderer, agent: its graphics
-    hardware and its browser.
+    page: its identity, made when the page was loaded. width, height: px of its window; ratio:
+    device px per CSS px; renderer, agent: its graphics hardware and its browser.
     """
 
     do: Literal["ready"]
+    page: Annotated[str, Field(min_length=1, max_length=40)]
     width: Pixels
     height: Pixels
     ratio: PixelRatio
     renderer: Annotated[str, Field(max_length=400)]
     agent: Annotated[str, Field(max_length=400)]
+
+
+class DisplayResized(StrictModel):
+    """A page's message that its window has another size; the values are as in `DisplayReady`."""
+
+    do: Literal["resized"]
+    width: Pixels
+    height: Pixels
+    ratio: PixelRatio
 
 
 class TimeRequest(StrictModel):
@@ -89,7 +99,9 @@ class VisibilityMessage(StrictModel):
     on: bool
 
 
-DisplayMessage = DisplayReady | TimeRequest | KeyPress | CalibrationMessage | VisibilityMessage
+DisplayMessage = (
+    DisplayReady | DisplayResized | TimeRequest | KeyPress | CalibrationMessage | VisibilityMessage
+)
 _MESSAGE: TypeAdapter[DisplayMessage] = TypeAdapter(
     Annotated[DisplayMessage, Field(discriminator="do")]
 )
@@ -101,11 +113,15 @@ def parse_display_message(text: str | None) -> DisplayMessage | None:
 
 
 class DisplayPage:
-    """A connected display page, with the queue of messages to it."""
+    """A connected display page, with the queue of messages to it.
+
+    facts: its last message about itself, None until it is ready. frames: how many it has drawn.
+    """
 
     def __init__(self, connection: WebSocket) -> None:
         """Begin with an empty queue; the page is not ready yet."""
-        self.connection, self.ready, self.frames = connection, False, 0
+        self.connection, self.frames, self.is_hidden = connection, 0, False
+        self.facts: DisplayReady | None = None
         self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_MOST_WAITING)
 
     def send(self, content: bytes) -> bool:
@@ -127,7 +143,8 @@ class DisplayHub:
     """Server of display pages: it answers their messages and sends messages to all of them.
 
     The page that came first is the display; the others mirror it, and their records of displayed
-    frames are ignored. A session, a replay and a calibration have subclasses.
+    frames are ignored. A page that connects again keeps its place, by its identity.
+    A session, a replay and a calibration have subclasses.
     """
 
     def __init__(self, feed: Feed, read_time: Callable[[], float] = time.perf_counter) -> None:
@@ -150,13 +167,42 @@ class DisplayHub:
 
     def send(self, content: bytes) -> None:
         """Queue a message to all display pages; disconnect those whose queue is full."""
-        for screen in [screen for screen in self.screens if screen.ready]:
+        for screen in [screen for screen in self.screens if screen.facts]:
             if not screen.send(content):
-                self.screens.remove(screen)
+                self._remove(screen)
                 self.run_in_background(screen.connection.close(BUSY, "too slow"))
 
+    @property
+    def display(self) -> DisplayPage | None:
+        """The display: the page that has been ready for longest; None if there is none."""
+        return next((screen for screen in self.screens if screen.facts), None)
+
+    def _register(self, screen: DisplayPage, facts: DisplayReady) -> None:
+        """Note that a page is ready; it replaces an earlier connection of the same page."""
+        if screen not in self.screens:  # it was too slow
+            return
+        if screen.facts is None:
+            self.screens.remove(screen)
+            self.screens.append(screen)
+        for other in self.screens:
+            if other is not screen and other.facts and other.facts.page == facts.page:
+                self.screens.remove(screen)
+                self.screens[self.screens.index(other)] = screen
+                self.run_in_background(other.connection.close(BUSY, "connected again"))
+                break
+        screen.facts = facts
+        self.handle_change()
+
+    def _remove(self, screen: DisplayPage) -> None:
+        """Forget a page that has disconnected, if it is not forgotten yet."""
+        if screen in self.screens:
+            self.screens.remove(screen)
+            self.handle_change()
+
     def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
-        """Answer a display page that is ready or asks for the time; ignore any other message.
+        """Answer a display page that is ready or asks for the time; note its size.
+
+        Any other message is ignored.
 
         message: None stands for an invalid one.
         """
@@ -164,7 +210,11 @@ class DisplayHub:
             case DisplayReady():
                 for content in self.feed.opening_messages():
                     screen.send(content)
-                screen.ready = True
+                self._register(screen, message)
+            case DisplayResized() if screen.facts:
+                size = message.model_dump(exclude={"do"})
+                screen.facts = screen.facts.model_copy(update=size)
+                self.handle_change()
             case TimeRequest():
                 pong = {"kind": "pong", "sent": message.sent, "now": self._read_time()}
                 screen.send(pack_message(pong))
@@ -177,8 +227,8 @@ class DisplayHub:
     def handle_frames(self, content: bytes) -> None:
         """Ignore a page's records of displayed frames; subclasses handle them."""
 
-    def handle_disconnect(self) -> None:
-        """Do nothing when a display has disconnected; subclasses handle it."""
+    def handle_change(self) -> None:
+        """Do nothing when a page has come, has gone or has another size; subclasses handle it."""
 
     async def serve_display(self, connection: WebSocket) -> None:
         """Serve a display page until it disconnects: handle its messages, and send those to it."""
@@ -192,13 +242,10 @@ class DisplayHub:
                     may_count = budget.spend(1, self._read_time())
                     message = parse_display_message(content) if may_count else None
                     self.handle_message(screen, message)
-                elif self.screens[:1] == [screen]:  # the others are mirrors
+                elif self.display is screen:  # the others are mirrors
                     self.handle_frames(content)
         finally:
-            if screen in self.screens:
-                self.screens.remove(screen)
-            if screen.ready:
-                self.handle_disconnect()
+            self._remove(screen)
             await cancel_task(delivering)
 
 
@@ -220,16 +267,8 @@ class SessionHub(DisplayHub):
         match message:
             case None:
                 self.session.counts.bad += 1
-            case DisplayReady():
-                calibration = self.feed.facts.get("display")
-                self.session.add_display({
-                    "name": self._name, **message.model_dump(exclude={"do"}),
-                    "calibrated": bool(calibration),
-                    "refresh_hz": calibration["refresh_hz"] if calibration else None,
-                    "calibration": calibration,
-                })  # fmt: skip
             case TimeRequest():
-                if message.frames > screen.frames and self.screens[:1] == [screen]:
+                if message.frames > screen.frames and self.display is screen:
                     self.session.note_frame()
                 screen.frames = message.frames
             case KeyPress():
@@ -240,17 +279,27 @@ class SessionHub(DisplayHub):
                 else:
                     what = "the display was calibrated"
                     self.store_calibration(message.display, self._store)
+                    self.handle_change()
                 self.session.report_outside_event(what)
             case VisibilityMessage():
-                self.session.set_hidden(message.on)
+                screen.is_hidden = message.on
+                if self.display is screen:
+                    self.session.set_hidden(message.on)
 
     def handle_frames(self, content: bytes) -> None:
         """Pass a page's records of displayed frames to the session."""
         self.session.record_frames(content)
 
-    def handle_disconnect(self) -> None:
-        """Tell the session that a display has disconnected."""
-        self.session.remove_display()
+    def handle_change(self) -> None:
+        """Tell the session which page is its display, and how many pages there are."""
+        display, calibration = self.display, self.feed.facts.get("display")
+        facts = None if display is None or display.facts is None else {
+            "name": self._name, **display.facts.model_dump(exclude={"do"}),
+            "calibrated": bool(calibration),
+            "refresh_hz": calibration["refresh_hz"] if calibration else None,
+            "calibration": calibration, "hidden": display.is_hidden,
+        }  # fmt: skip
+        self.session.set_display(facts, sum(screen.facts is not None for screen in self.screens))
 
     async def serve_tracker(self, connection: WebSocket) -> None:
         """Serve a tracker until it disconnects: pass its messages to the session."""

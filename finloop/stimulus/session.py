@@ -127,7 +127,9 @@ class Session:
         self._seq, self._due_s, self._tick = 0, 0.0, -1
         self._undrawn_reactions: dict[int, _UndrawnReaction] = {}  # by number of the message
         self._trial_end_s: float | None = None
-        self._page_first_frame = self._last_frame = 0  # the log's numbers
+        self._page: str | None = None  # identity of the last page that was the display
+        self._page_offset: int | None = 0  # from its numbers to the log's; None: not known yet
+        self._last_frame = -1  # number of the last frame in the log
         self._last_intended_s = 0.0  # when the last frame was due
         # Conditions whose motions others repeat, and which are kept therefore.
         self._repeated = {condition.motion.again for condition in protocol.conditions.values()}
@@ -287,7 +289,12 @@ class Session:
             return
         self.note_frame()
         for page_facts, states in frames:
-            number = page_facts.number + self._page_first_frame  # the page counts from 0
+            if self._page_offset is None:  # even, as a page marks odd frames with its white square
+                self._page_offset = (self._last_frame + 3 - int(page_facts.number)) // 2 * 2
+            number = int(page_facts.number) + self._page_offset
+            if number <= self._last_frame:  # not in order
+                self.counts.bad += 1
+                continue
             facts = page_facts._replace(number=number)
             self.log.add_frame(facts, states)
             self.shown = states
@@ -298,7 +305,7 @@ class Session:
             self.counts.frames += 1
             self.counts.dropped += int(facts.dropped)
             self.counts.late += int(follows and facts.drawn_s > facts.intended_s + period_s)
-            self._last_frame, self._last_intended_s = int(number), facts.intended_s
+            self._last_frame, self._last_intended_s = number, facts.intended_s
             # The first frame that both knew the new plan, and was due after the tick before, shows
             # the reaction.
             for seq, reaction in list(self._undrawn_reactions.items()):
@@ -306,23 +313,29 @@ class Session:
                     self.counts.drawn_ms.append(1e3 * (facts.drawn_s - reaction.arrived_s))
                     del self._undrawn_reactions[seq]
 
-    def add_display(self, facts: dict[str, Any]) -> None:
-        """Log that a display has connected, with facts about it.
+    def set_display(self, facts: dict[str, Any] | None, pages: int) -> None:
+        """Note which page is the display, and log it if it, or a fact about it, has changed.
 
-        A page counts its frames from 0, and marks even ones with the photodiode's square. So the
-        log's numbers go on with an even one.
+        facts: about it, `page`, its identity, among them; None if there is none. pages: how many
+        pages show the session. A display that goes is reported if a trial runs or waits. A page
+        counts its frames by itself; the numbers of another page go on after those in the log.
         """
-        self._page_first_frame = (self._last_frame // 2 + 1) * 2 if self._last_frame else 0
-        self.displays, self.display = self.displays + 1, facts | {"hidden": False}
-        self.log_outside_event("display", **facts)
-
-    def remove_display(self) -> None:
-        """Log that a display has disconnected; report it if a trial runs or waits."""
-        self.displays -= 1
-        self.display = None if not self.displays else self.display
-        if self.phase in ("running", "waiting"):
+        previous, page = self.display, None if facts is None else facts["page"]
+        if pages > max(self.displays, 1):
+            self.report_outside_event("another page mirrors the display", pages=pages)
+        self.displays, self.display = pages, facts
+        has_gone = previous is not None and previous["page"] != page
+        if has_gone and self.phase in ("running", "waiting"):
             trial = self.trials[self.trial_index].number
             self.report_outside_event("the display has gone", trial=trial)
+        if facts is None:
+            return
+        if page != self._page:
+            self._page, self._frame_reported_s = page, None
+            self._page_offset = 0 if self._last_frame < 0 else None
+        hidden = {"hidden": None}  # has its own events
+        if previous is None or previous | hidden != facts | hidden:
+            self.log_outside_event("display", **{k: v for k, v in facts.items() if k != "hidden"})
 
     def set_hidden(self, on: bool) -> None:
         """Report that the display's page is hidden behind another (`on`), or visible again."""

@@ -146,10 +146,12 @@ def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
 def _display_lines(table: pd.DataFrame) -> Iterator[str]:
     """Yield lines about the displays of a session and their calibration; table: its log."""
     events = _parse_texts(table[table["kind"] == "event"])
-    displays = [event for event in events if event["what"] == "display"]
+    displays = {  # the last facts about each page
+        event.get("page"): event for event in events if event["what"] == "display"
+    }
     if not displays:
         yield "none"
-    for display in displays:
+    for display in displays.values():
         calibration = display.get("calibration") or {}
         size = f"{display['width']} × {display['height']} px"
         yield f"- {_escape_text(display['name'])}: {size}, {_escape_text(display['renderer'])}"
@@ -222,6 +224,6 @@ def _event_lines(table: pd.DataFrame) -> Iterator[str]:
         details = ", ".join(
             f"{name} {_escape_text(value)}"
             for name, value in facts.items()
-            if name not in ("what", "calibration", "agent")
+            if name not in ("what", "calibration", "agent", "page")
         )
         yield f"- {time_s:.2f} s: {_escape_text(facts['what'])}" + f" ({details})" * bool(details)

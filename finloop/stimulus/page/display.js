@@ -32,6 +32,8 @@ function renderer() {
   return name;
 }
 const RENDERER = renderer();
+// The identity of this page: the display stays the same if its window or its connection changes.
+const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(4)), word => word.toString(36)).join("-");
 
 // --- the server
 
@@ -39,7 +41,12 @@ function tell(message) { if (socket && socket.readyState === 1) socket.send(JSON
 
 function ready() {
   const {width, height, ratio} = screenNow();
-  tell({do: "ready", width, height, ratio, renderer: RENDERER, agent: navigator.userAgent.slice(0, 400)});
+  tell({do: "ready", page: PAGE, width, height, ratio, renderer: RENDERER, agent: navigator.userAgent.slice(0, 400)});
+}
+
+function resized() {
+  const {width, height, ratio} = screenNow();
+  tell({do: "resized", width, height, ratio});
 }
 
 function ping() { tell({do: "ping", sent: performance.now(), frames: number}); }
@@ -215,7 +222,7 @@ function showSay() {
 }
 
 let waits = 0;
-addEventListener("resize", () => { clearTimeout(waits); waits = setTimeout(() => { resize(); showSay(); ready(); }, 250); });
+addEventListener("resize", () => { clearTimeout(waits); waits = setTimeout(() => { resize(); showSay(); resized(); }, 250); });
 document.addEventListener("visibilitychange", () => { refresh.rest(); tell({do: "hidden", on: document.hidden}); });
 addEventListener("keydown", event => {
   if (event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
