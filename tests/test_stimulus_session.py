@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections import Counter
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -42,6 +43,8 @@ from finloop.stimulus.summary import (
 )
 
 RULE = {"motion": {"rule": {"rule": "approach"}}}
+ABSENT = np.zeros(20, np.float32)  # the page's state of a fish that is not drawn
+ABSENT[[PICTURE]] = -1
 DISPLAY = {"page": "a", "name": "d", "hidden": False}
 GOALS = {"motion": {"goals": [[0.2, 0.2], [0.8, 0.8]]}}
 ALL = {
@@ -388,6 +391,8 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     for number in range(500):
         count = int(rng.integers(0, 4))
         states = rng.normal(size=(count, width)).astype(np.float32)
+        states[:, PICTURE] = np.abs(states[:, PICTURE])
+        states[rng.random(count) < 0.2] = ABSENT
         log.add_frame(FrameFacts(number, 0.1, number / 60, 0, 0, 0, count, number * 3.0), states)
         told.append((number, number / 60, number * 3, states.tobytes()))
         if rng.random() < 0.05:
@@ -399,11 +404,45 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     back = [(one.number, one.shown_s, one.digest, one.states.tobytes())
             for one in read_displayed_frames(open_session_record(tmp_path / "a.parquet"))]  # fmt: skip
     assert back == told
-    damaged = bytearray((tmp_path / "a.parquet").read_bytes())
-    damaged[len(damaged) // 3] ^= 1
-    (tmp_path / "b.parquet").write_bytes(damaged)
-    with pytest.raises(FinloopError, match=r"b\.parquet cannot be read"):
-        list(read_displayed_frames(open_session_record(tmp_path / "b.parquet")))
+    refused = 0
+    for eighth in range(1, 8):  # a changed bit of what is read is found out
+        damaged = bytearray((tmp_path / "a.parquet").read_bytes())
+        damaged[len(damaged) * eighth // 8] ^= 1
+        (tmp_path / "b.parquet").write_bytes(damaged)
+        try:
+            frames = list(read_displayed_frames(open_session_record(tmp_path / "b.parquet")))
+        except FinloopError as error:
+            assert "b.parquet cannot be read" in str(error)
+            refused += 1
+        else:
+            assert [one.states.tobytes() for one in frames] == [one[3] for one in told]
+    assert refused > 3
+
+
+def test_the_analysis_in_the_docs_is_right_on_fish_that_are_not_drawn_yet(tmp_path):
+    """Its standard deviations are those of the frames that show a fish."""
+    log = Log(tmp_path / "a.journal", {"format": 1})
+    places = np.random.default_rng(0).normal(300, 20, (2, 40, 2)).astype(np.float32)
+    for trial, condition in enumerate(("fish", "dot"), 1):
+        log.trial = trial
+        for what in ("start", "end"):
+            text = json.dumps({"what": what, "number": trial, "condition": condition})
+            log.add_entry("trial", 0.0, number=trial, text=text)
+        shown = np.zeros((40, 20), np.float32)
+        shown[:, [X, Y]] = places[trial - 1]
+        for number, state in enumerate([*[ABSENT] * 20, *shown]):
+            log.add_frame(FrameFacts(number, 0, 0, 0, 0, 0, 1, 0), state[None])
+    log.close()
+    path = tmp_path / "a.parquet"
+    save_journal(tmp_path / "a.journal", path, SESSION)
+    guide = Path(__file__).parents[1] / "docs/stimulus.md"
+    [example] = re.findall(
+        r"```python\n(import json\nimport pandas.*?)```", guide.read_text(), re.S
+    )
+    names = {}
+    exec(re.sub(r'"sessions/.*?"', repr(str(path)), example).replace("print(", "found = ("), names)
+    wanted = places.std(axis=1, ddof=1)
+    assert names["found"].loc[["fish", "dot"]].to_numpy() == pytest.approx(wanted, rel=1e-4)
 
 
 @settings(max_examples=60)

@@ -4,7 +4,8 @@ One table, a row an entry; `kind` is its kind:
 
 - frame: a displayed frame. number, time_s: when the browser showed it, intended_s, drawn_s, seq: of
   the last rows of ticks that it had, dropped: frames missed before it, digest: of its pixels.
-- fish: a fish in the frame `number`: fish, and the state that it was drawn from.
+- fish: a fish in the frame `number`: fish, and the state that it was drawn from: nulls, and a
+  posture of zeros, where it was not drawn, as before its first tick.
 - tick: the ticks as planned. number, time_s: when planned, intended_s: when due, seq, digest: of
   the planned states. A tick that was planned again, as an animal had moved, has another row.
 - input: a message of a tracker. time_s: its arrival, source, text: all of it, verdict.
@@ -25,7 +26,7 @@ import pyarrow as pa
 
 from finloop.base.schema import ANY, Column, Schema, columns
 from finloop.io.journal import Journal
-from finloop.stimulus.drawn import FIELDS, States
+from finloop.stimulus.drawn import FIELDS, PICTURE, States
 
 FORMAT = 1
 """Version of the log; this program reads no other."""
@@ -137,7 +138,7 @@ class Log:
             return []
         counts = [len(frame.states) for frame in frames]
         states = np.concatenate([frame.states for frame in frames])
-        posture = states[:, len(FIELDS) :]
+        is_absent, posture = states[:, PICTURE] < 0, states[:, len(FIELDS) :]
         list_starts = np.arange(len(states) + 1, dtype=np.int32) * posture.shape[1]
         return [self._build_batch(
             len(states), kind="fish",
@@ -146,7 +147,10 @@ class Log:
             trial=[frame.trial for frame in frames for _ in frame.states],
             fish=np.concatenate([np.arange(count) for count in counts]),
             posture=pa.ListArray.from_arrays(list_starts, posture.ravel()),
-            **dict(zip(FIELDS, states.T, strict=False)),  # the posture is left over
+            **{  # the posture is left over
+                name: pa.array(values, mask=is_absent)
+                for name, values in zip(FIELDS, states.T, strict=False)
+            },
         )]  # fmt: skip
 
     def _build_batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:

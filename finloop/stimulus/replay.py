@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from finloop.base.errors import FinloopError
 from finloop.io.journal import read_header
 from finloop.stimulus.animals import TAKEN, LiveAnimals
-from finloop.stimulus.drawn import FIELDS, States
+from finloop.stimulus.drawn import FIELDS, PICTURE, States
 from finloop.stimulus.log import FORMAT, SESSION, digest_states
 from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion
 from finloop.stimulus.order import Trial
@@ -120,7 +120,11 @@ def _fish_states(batch: pa.RecordBatch) -> Iterator[tuple[int, States]]:
     rows = batch.filter(pc.equal(batch["kind"], "fish"))
     if not rows.num_rows:
         return
-    fields = np.column_stack([rows[name].to_numpy(zero_copy_only=False) for name in FIELDS])
+    is_absent = rows["picture"].is_null().to_numpy(zero_copy_only=False)
+    fields = np.column_stack(
+        [rows[name].fill_null(0).to_numpy(zero_copy_only=False) for name in FIELDS]
+    )
+    fields[is_absent, PICTURE] = -1  # so the page has it for a fish that is not drawn
     posture = rows["posture"].flatten().to_numpy().reshape(len(fields), -1)
     states = np.concatenate([fields, posture], axis=1).astype(np.float32)
     yield from zip(rows["number"].to_pylist(), states, strict=True)
