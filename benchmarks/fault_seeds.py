@@ -512,7 +512,7 @@ def _make_session(folder: Path) -> None:
     for number in range(4):
         log.add_entry("tick", number / 60, number=number, intended_s=0.0, seq=number, digest=7)
         facts = FrameFacts(number, 0.0, number / 60, 0.0, number, 0, 2, 9)
-        log.add_frame(facts, np.ones((2, len(FIELDS) + 5), np.float32))
+        log.add_frame(facts, np.ones((2, len(FIELDS) + 5), np.float32), None)
     log.close()
     save_journal(folder / "a.journal", folder / "a.parquet", SESSION)
 

@@ -179,7 +179,9 @@ def test_all_that_was_kept_survives_a_cut_anywhere(tmp_path):
     sizes = []
     for number in range(6):
         log.add_entry("event", float(number), text=json.dumps({"what": "mark", "number": number}))
-        log.add_frame(FrameFacts(*range(number, number + 8)), np.full((2, 20), number, np.float32))
+        log.add_frame(
+            FrameFacts(*range(number, number + 8)), np.full((2, 20), number, np.float32), None
+        )
         log.write_entries()
         sizes.append((tmp_path / "a.journal").stat().st_size)
     whole = (tmp_path / "a.journal").read_bytes()  # never closed, as after a power failure
@@ -393,7 +395,9 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
         states = rng.normal(size=(count, width)).astype(np.float32)
         states[:, PICTURE] = np.abs(states[:, PICTURE])
         states[rng.random(count) < 0.2] = ABSENT
-        log.add_frame(FrameFacts(number, 0.1, number / 60, 0, 0, 0, count, number * 3.0), states)
+        log.add_frame(
+            FrameFacts(number, 0.1, number / 60, 0, 0, 0, count, number * 3.0), states, None
+        )
         told.append((number, number / 60, number * 3, states.tobytes()))
         if rng.random() < 0.05:
             log.write_entries()
@@ -431,7 +435,7 @@ def test_the_analysis_in_the_docs_is_right_on_fish_that_are_not_drawn_yet(tmp_pa
         shown = np.zeros((40, 20), np.float32)
         shown[:, [X, Y]] = places[trial - 1]
         for number, state in enumerate([*[ABSENT] * 20, *shown]):
-            log.add_frame(FrameFacts(number, 0, 0, 0, 0, 0, 1, 0), state[None])
+            log.add_frame(FrameFacts(number, 0, 0, 0, 0, 0, 1, 0), state[None], trial)
     log.close()
     path = tmp_path / "a.parquet"
     save_journal(tmp_path / "a.journal", path, SESSION)
@@ -646,6 +650,30 @@ def test_no_trial_runs_before_a_display_that_has_stopped_to_draw(tmp_path):
     asyncio.run(run_session())
     session.log.close()
     assert session.done == {1: "done", 2: "done"}
+
+
+def test_every_frame_of_a_trial_has_its_number_however_late_it_is_reported(tmp_path):
+    """All frames are reported after the last trial, as if the network had been slow."""
+    plan = plan_of({"a": {"seconds": 0.5} | GOALS, "b": {"seconds": 0.5} | GOALS})
+    session, _ = session_of(tmp_path, plan, DryClock())
+    session.waits_for_starts = False
+    session.start()
+    asyncio.run(session.run_trials())
+    rate, wanted = session.context.rate_hz, []
+    begins_s = [begin_s for _, begin_s, _ in session._trial_begins]
+    for trial, begin_s in enumerate(begins_s, 1):
+        seqs = [0, 0, *range(session._trial_begins[trial - 1][0], session._seq // 2 * trial + 1)]
+        for tick, seq in enumerate(seqs):  # its fish are not drawn yet, are drawn, have gone
+            at = begin_s + tick / rate
+            fish = np.zeros(-(-session.context.width // 2) * 8, np.uint8)
+            facts = [len(wanted) + 1, at, at, at, seq, 0, 1, 0]
+            session.record_frames(np.array(facts, float).tobytes() + fish.tobytes())
+            wanted.append(trial)
+        session.record_frames(np.array([len(wanted) + 1, at, at, at, 0, 0, 0, 0]).tobytes())
+        wanted.append(None)
+    _, record = close_record(session, tmp_path)
+    assert [row["trial"] for row in record.read_rows("frame")] == wanted
+    assert session.counts.bad == 0 and wanted.count(2) > 10
 
 
 # --- the feed

@@ -98,10 +98,10 @@ class Log:
         with self._lock:
             self._entries.append({"kind": kind, "time_s": time_s, "trial": self.trial, **values})
 
-    def add_frame(self, facts: FrameFacts, states: States) -> None:
-        """Add a displayed frame, and the states (fish, fields) of its fish."""
+    def add_frame(self, facts: FrameFacts, states: States, trial: int | None) -> None:
+        """Add a displayed frame, the states (fish, fields) of its fish, and its trial's number."""
         with self._lock:
-            self._frames.append(_LoggedFrame(self.trial, facts, states))
+            self._frames.append(_LoggedFrame(trial, facts, states))
 
     def write_entries(self) -> None:
         """Write all new entries to the disk; call it in a thread, as a disk may be slow."""

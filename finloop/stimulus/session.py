@@ -20,7 +20,7 @@ from finloop.stimulus.animals import TAKEN, LiveAnimals, Verdict
 from finloop.stimulus.drawn import States
 from finloop.stimulus.feed import EARLY_S, Feed
 from finloop.stimulus.limits import InputLimits
-from finloop.stimulus.log import Log, digest_states, parse_frame_records
+from finloop.stimulus.log import FrameFacts, Log, digest_states, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion
 from finloop.stimulus.order import Trial, fill_trigger_text
 from finloop.stimulus.protocol import Protocol
@@ -127,6 +127,8 @@ class Session:
         self._seq, self._due_s, self._tick = 0, 0.0, -1
         self._undrawn_reactions: dict[int, _UndrawnReaction] = {}  # by number of the message
         self._trial_end_s: float | None = None
+        # Of each trial: the number of its first message, when it began, and its own number.
+        self._trial_begins: list[tuple[int, float, int]] = []
         self._page: str | None = None  # identity of the last page that was the display
         self._page_offset: int | None = 0  # from its numbers to the log's; None: not known yet
         self._last_frame = -1  # number of the last frame in the log
@@ -296,7 +298,7 @@ class Session:
                 self.counts.bad += 1
                 continue
             facts = page_facts._replace(number=number)
-            self.log.add_frame(facts, states)
+            self.log.add_frame(facts, states, self._find_trial(facts))
             self.shown = states
             # A frame is late if it was drawn after the next one was due. The time between two is
             # known only if the frame just before was recorded, too.
@@ -312,6 +314,19 @@ class Session:
                 if seq <= facts.seq and facts.intended_s > reaction.tick_before_s:
                     self.counts.drawn_ms.append(1e3 * (facts.drawn_s - reaction.arrived_s))
                     del self._undrawn_reactions[seq]
+
+    def _find_trial(self, facts: FrameFacts) -> int | None:
+        """Return the number of the trial whose fish a frame shows; None if it shows no fish.
+
+        A frame is reported up to 0.2 s later: it may be of a trial that has ended since. It tells
+        the plan that it shows; before the first tick is due it shows none, and its time decides.
+        """
+        if not facts.fish_count:
+            return None
+        for first_seq, begin_s, number in reversed(self._trial_begins):
+            if facts.seq >= first_seq or (facts.seq == 0 and facts.drawn_s >= begin_s):
+                return number
+        return None
 
     def set_display(self, facts: dict[str, Any] | None, pages: int) -> None:
         """Note which page is the display, and log it if it, or a fact about it, has changed.
@@ -434,6 +449,8 @@ class Session:
         now, number = self.clock.read_time(), trial.number
         facts = {"what": what, **trial._asdict(), "early_s": self._lead_time_s(is_planned)}
         self.log.trial = number
+        if what == "start":
+            self._trial_begins.append((self._seq + 1, now, number))
         self.log.add_entry("trial", now, number=number, text=json.dumps(facts))
         if what != "start":  # the entry about its end is the trial's last
             self.log.trial = None
