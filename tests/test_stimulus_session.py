@@ -233,7 +233,7 @@ def opened_session(folder):
         feed=lambda *_, **__: feed_of(made, plan),
         header=lambda *_, **__: header_of(made, plan),
     )
-    options = argparse.Namespace(out=folder, protocol=folder / "toy.yaml")
+    options = argparse.Namespace(out=folder, protocol=folder / "toy.yaml", display=None)
     with stages.stimulus._open_session(options, plan, film, DryClock()) as session:
         session.waits_for_starts = False
         yield session
