@@ -163,7 +163,7 @@ def test_an_address_for_others_lets_in_only_who_shows_the_token(tmp_path):
                     message.add_arg(value)
                 out.sendto(message.build().dgram, ports["osc"])
         heard = session.counts.verdicts
-        assert wait_for(lambda: heard.total() == 7, 60) and heard["taken"] == 3
+        assert wait_for(lambda: heard.total() == 7) and heard["taken"] == 3
     record = open_session_record(tmp_path / "toy.parquet")
     assert policy.token not in str(list(record.read_rows("input", "event")))
 
@@ -205,7 +205,7 @@ def test_silent_connections_do_not_stop_requests(tmp_path, capfd):
                     assert get_page(address) == 200
                 with way_in(address, "animals", None) as way:
                     way.send('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}')
-                    assert wait_for(lambda: session.counts.verdicts.total(), 60)
+                    assert wait_for(lambda: session.counts.verdicts.total())
                 connections = session.server.server_state.connections.copy()
                 assert sum(isinstance(one, PlainConnection) for one in connections) <= MOST_PLAIN
             finally:
@@ -366,7 +366,7 @@ def test_displays_are_counted_by_identity_and_frames_are_logged_in_order(tmp_pat
 def test_start_is_refused_until_the_display_reports_frames(tmp_path):
     with running(tmp_path, draws=False) as (address, session):
         desk = way_in(address, "experimenter", max_queue=None)
-        with desk, way_in(address, "display") as page:
+        with desk, way_in(address, "display", max_queue=None) as page:
             refused = iter(range(1, 9))
 
             def assert_refused():
