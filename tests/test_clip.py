@@ -915,7 +915,7 @@ def test_frames_of_a_hdf5_file_are_read_by_its_chunks_and_fit_in_memory(
     levels = np.random.default_rng(0).integers(0, 256, (20, 30, 60), np.uint8)
     with h5py.File(tmp_path / "film.h5", "w") as file:
         log = ReadLog(file.create_dataset("film", data=levels, chunks=chunks))
-        film = film_arrays.FilmArray(log, frames_axis=2)
+        film = film_arrays.FilmArray(tmp_path / "film.h5", log, frames_axis=2)
         frames = [film.load_frame(k) for k in range(60)]
     np.testing.assert_array_equal(frames, np.moveaxis(levels, 2, 0))
     assert max(log.sizes) == at_once * 20 * 30 and sum(log.sizes) == levels.size
