@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
 
+import cv2
 import numpy as np
 import svgelements as svg
 
@@ -67,8 +68,6 @@ def _are_inside(points: Points, around: Points) -> Mask:
     The points are some vertices and middles of edges. Those that lie on the other contour are left
     out.
     """
-    import cv2  # not at the top: most drawings do without, and start in half of the time
-
     every = max(1, len(points) // _FEW)
     middles = (points + np.roll(points, -1, axis=0)) / 2
     places = np.concatenate([points[::every], middles[::every]])
