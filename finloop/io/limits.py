@@ -39,7 +39,7 @@ def refuse_bomb(
     packed: bytes of the file. do: what to do about it. most_ratio: of content larger than any file
     may have.
     """
-    if declared > max(MOST_BYTES, most_ratio * packed):
+    if declared > _largest_content(packed, most_ratio):
         raise FinloopError(
             f"{name} declares {decimal(declared)} of content, in a file of {decimal(packed)}",
             f"content of at most {decimal(MOST_BYTES)}, or {most_ratio:,} times the file's size",
@@ -47,9 +47,9 @@ def refuse_bomb(
         )
 
 
-def _largest_content(packed: int) -> int:
+def _largest_content(packed: int, most_ratio: int = MOST_RATIO) -> int:
     """Return how many bytes a file of a size in bytes may unpack to."""
-    return max(MOST_BYTES, MOST_RATIO * packed)
+    return max(MOST_BYTES, most_ratio * packed)
 
 
 @contextmanager
