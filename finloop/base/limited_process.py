@@ -1,8 +1,8 @@
 """Call functions in a process of their own, which ends where it takes too much time or memory.
 
 A file may come from anybody, and a library that reads it may take hours over a small one. The
-process is started once, in about 0.2 s, and then waits for further calls. It is a new one and no
-copy of this one: a copy of a process whose libraries run threads may hang.
+process is started once and then waits for further calls. It is a new one and no copy of this one:
+a copy of a process whose libraries run threads may hang.
 """
 
 import atexit
@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import IO, TypeVar
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -100,7 +100,7 @@ class LimitedProcess:
         return self._process
 
 
-def _send(file: BinaryIO | Any, value: object) -> None:
+def _send(file: IO[bytes], value: object) -> None:
     """Write a value to a pipe."""
     pickle.dump(value, file)
     file.flush()
