@@ -17,16 +17,11 @@ def import_extra(module: str, path: object) -> ModuleType:
     try:
         return import_module(module)
     except ImportError as error:
-        raise not_installed_error(path, error) from error
-
-
-def not_installed_error(path: object, error: ImportError) -> FinloopError:
-    """Return the error for a file that needs the optional packages `tracks`, which are missing."""
-    return FinloopError(
-        f"{path} needs packages that are not all installed: {error}",
-        "the optional packages of the extra `tracks` (pyproject.toml)",
-        "make tracks",
-    )
+        raise FinloopError(
+            f"{path} needs packages that are not all installed: {error}",
+            "the optional packages of the extra `tracks` (pyproject.toml)",
+            "make tracks",
+        ) from error
 
 
 def unreadable_error(path: object, software: str, why: object) -> FinloopError:
