@@ -5,7 +5,7 @@ and build classes from it.
 """
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -144,15 +144,11 @@ def read_nwb(path: Path) -> Poses:
     if len(set(names)) < len(names):
         raise ValueError(f"animals of one name: {', '.join(names)}")
     counts = [len(animal.frame) for animal in animals]
-
-    def join(parts: Iterable[NDArray[Any]]) -> NDArray[Any]:
-        """Return the rows of all animals, one animal after the other."""
-        return np.concatenate([*parts])
-
     return poses_from_rows(
-        names, animals[0].keypoints, join(animal.frame for animal in animals),
-        np.repeat(np.arange(len(animals)), counts), join(animal.places for animal in animals),
-        join(animal.confidence for animal in animals),
+        names, animals[0].keypoints, np.concatenate([animal.frame for animal in animals]),
+        np.repeat(np.arange(len(animals)), counts),
+        np.concatenate([animal.places for animal in animals]),
+        np.concatenate([animal.confidence for animal in animals]),
     )  # fmt: skip
 
 

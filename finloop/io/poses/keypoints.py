@@ -144,7 +144,7 @@ def read_sleap_csv(path: Path) -> Poses:
     columns = [[f"{node}.{part}" for part in ("x", "y", "score")] for node in nodes]
     values = table[np.ravel(columns)].to_numpy(float).reshape(len(table), len(nodes), 3)
     frame, animal = table["frame_idx"].to_numpy(np.int64), table["track"].fillna("animal")
-    return _poses_from_rows(frame, animal, nodes, values)
+    return _poses_from_named_rows(frame, animal, nodes, values)
 
 
 def read_fasttrack(path: Path) -> Poses:
@@ -159,7 +159,7 @@ def read_fasttrack(path: Path) -> Poses:
     places = table[columns].to_numpy(float).reshape(len(table), len(_FASTTRACK_PARTS), 2)
     frame = table["imageNumber"].to_numpy(np.int64)
     animal = table["id"] if "id" in table else pd.Series(np.zeros(len(table), np.int64))
-    return _poses_from_rows(frame, animal, list(_FASTTRACK_PARTS), places)
+    return _poses_from_named_rows(frame, animal, list(_FASTTRACK_PARTS), places)
 
 
 def read_via(path: Path) -> Poses:
@@ -183,11 +183,13 @@ def read_via(path: Path) -> Poses:
     values = np.concatenate([centres, confidence[:, None]], axis=1)[:, None]
     animal = pd.Series([f"id_{int(facts['track'])}" for facts in regions])
     _, frame = np.unique(number, return_inverse=True)
-    return _poses_from_rows(frame, animal, ["centre"], values)
+    return _poses_from_named_rows(frame, animal, ["centre"], values)
 
 
-def _poses_from_rows(frame: Ints, animal: pd.Series, keypoints: list[str], values: Floats) -> Poses:
-    """Return the poses in rows, each of an animal in a frame.
+def _poses_from_named_rows(
+    frame: Ints, animal: pd.Series, keypoints: list[str], values: Floats
+) -> Poses:
+    """Return the poses in rows, each of an animal, by its name, in a frame.
 
     frame (rows,): numbers; animal (rows,): names; values (rows, keypoints, 2 or 3): x, y, perhaps
     confidence.
