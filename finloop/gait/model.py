@@ -47,7 +47,6 @@ from finloop.curve.wavelet import (
 )
 from finloop.gait.settings import Sharing, Symmetry
 
-SYMMETRIES: tuple[Symmetry, ...] = get_args(Symmetry)
 LETTERS: Mapping[Symmetry, str] = {"swap": "AB", "mirror": "AB", "none": "ABCD"}
 """By symmetry: the subcycles with a γ. They make up the first half of the cycle, or all of it."""
 SHARINGS: tuple[Sharing, ...] = get_args(Sharing)
