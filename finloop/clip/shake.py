@@ -210,11 +210,11 @@ def _sample_marks(picture: Picture, tank: Landmarks, shift_px: Floats) -> Floats
 
     tank: its landmarks; interpolation is bilinear.
     """
-    return interpolate_levels(picture, tank.x + shift_px[0], tank.y + shift_px[1])
+    return _interpolate_levels(picture, tank.x + shift_px[0], tank.y + shift_px[1])
 
 
 @kernel
-def interpolate_levels(picture: Picture, x: Floats, y: Floats) -> Floats:
+def _interpolate_levels(picture: Picture, x: Floats, y: Floats) -> Floats:
     """Return the levels (n,) of a grey picture (h, w) at the places x, y (n,) px, bilinearly.
 
     A place outside the picture has the level of the nearest place inside it.

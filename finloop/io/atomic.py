@@ -44,7 +44,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     So the folder is filled completely or not at all: after an exception `path` is unchanged.
     FinloopError if the disk is full, `path` is a file or a link, or it cannot be written.
     """
-    require_folder_place(path)
+    _require_folder_place(path)
     with _temporary_path(path, f".{path.name}.{_process_tag()}.part") as part:
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
@@ -60,14 +60,14 @@ def whole_folder(path: Path) -> Iterator[Path]:
     _flush_to_disk(path.parent)
 
 
-def require_folder_place(path: Path) -> None:
+def _require_folder_place(path: Path) -> None:
     """Raise FinloopError if a new folder could not replace what stands at `path`."""
-    require_no_link(path)
+    _require_no_link(path)
     if path.exists() and not path.is_dir():
         raise FinloopError(f"{path} is a file", "a folder, or nothing of that name", MOVE_AWAY)
 
 
-def require_no_link(path: Path) -> None:
+def _require_no_link(path: Path) -> None:
     """Raise FinloopError if `path` is a link: what replaces it would not be where that leads."""
     if path.is_symlink():
         raise FinloopError(
@@ -83,8 +83,8 @@ def require_output_place(path: Path) -> None:
     path: relative to the present folder. Neither it nor a folder above it may be a link.
     """
     for folder in reversed(path.parents):
-        require_folder_place(folder)
-    require_no_link(path)
+        _require_folder_place(folder)
+    _require_no_link(path)
     folder = next(folder for folder in path.parents if folder.exists())
     if not os.access(folder, os.W_OK):
         error = PermissionError(errno.EACCES, "it cannot be written", str(folder.absolute()))
