@@ -449,6 +449,14 @@ def test_the_analysis_in_the_docs_is_right_on_fish_that_are_not_drawn_yet(tmp_pa
     assert names["found"].loc[["fish", "dot"]].to_numpy() == pytest.approx(wanted, rel=1e-4)
 
 
+def test_numbers_that_the_log_cannot_hold_are_refused():
+    for name in FrameFacts._fields:
+        for value in (2.0**53, -1e300, np.inf, np.nan):
+            facts = FrameFacts(*[0.0] * 8)._replace(**{name: value})
+            with pytest.raises(ValueError, match="no record of a frame"):
+                parse_frame_records(np.array(facts).tobytes(), 20)
+
+
 @settings(max_examples=60)
 @given(st.binary(max_size=400) | st.lists(st.floats(width=32), max_size=60).map(
     lambda numbers: np.array(numbers, "<f8").tobytes()))  # fmt: skip

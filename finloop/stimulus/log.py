@@ -176,8 +176,10 @@ def parse_frame_records(message: bytes, width: int) -> list[tuple[FrameFacts, St
         facts = FrameFacts(*numbers.tolist())
         is_count = facts.fish_count in range(MOST_SHOWN + 1)
         whole_numbers = (facts.number, facts.seq, facts.dropped, facts.digest)
-        is_whole = all(value.is_integer() for value in whole_numbers) and facts.dropped < 2**31
-        if not (is_count and np.isfinite(numbers).all() and is_whole):
+        is_whole = all(value.is_integer() for value in whole_numbers)
+        # So the columns of the log hold them; NaN is refused, too.
+        is_in_range = all(abs(value) < 2**53 for value in facts) and abs(facts.dropped) < 2**31
+        if not (is_count and is_whole and is_in_range):
             raise ValueError("no record of a frame")
         fish = int(facts.fish_count)
         states = np.frombuffer(message, "<f4", fish * width, offset).reshape(fish, width)
