@@ -186,7 +186,11 @@ def test_what_is_amiss_with_the_display_is_said(shown_page):
     assert len(warnings) == 3 and "the protocol demands it" in warnings[0]
     shown_page.tell(phase="ready", trial=-1, draws=False)
     assert "no display shows frames" in text(shown_page, "what")
-    assert "none come" in text(shown_page, "display")
+    assert "none come: no trial can start" in text(shown_page, "display")
+    shown_page.tell(draws=False)
+    assert "none come: fish may be unseen" in text(shown_page, "display")
+    shown_page.tell(phase="done", draws=False)
+    assert "none come" not in text(shown_page, "display")
     shown_page.tell(phase="waiting", start="auto", draws=False)
     assert "as no display showed frames" in text(shown_page, "phase")
     assert not shown_page.page.locator("#nodisplay").is_visible()
