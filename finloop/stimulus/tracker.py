@@ -197,11 +197,9 @@ def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Track
 def refuse_other_tank(settings: TrackerSettings, width: float, height: float) -> None:
     """Raise FinloopError if the points are corners of a tank of another size, in px.
 
-    width, height: of the tank's picture. Points that are no rectangle from its upper left are
-    landmarks, which may be anywhere.
+    settings: with points. width, height: of the tank's picture. Points that are no rectangle from
+    its upper left are landmarks, which may be anywhere.
     """
-    if not settings.points:
-        return
     places = np.array([pair.tank for pair in settings.points])
     right, bottom = places.max(axis=0).tolist()
     for corner in ((0, 0), (right, 0), (right, bottom), (0, bottom)):
