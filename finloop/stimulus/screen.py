@@ -1,5 +1,7 @@
 """How much of the tank a calibrated display shows: in the page, what is beyond its edge is lost."""
 
+from functools import cached_property
+
 import numpy as np
 from skimage.transform import ProjectiveTransform
 
@@ -47,7 +49,7 @@ class ScreenCheck:
         self.ticks += len(shown) > 0
         self.ticks_outside += bool(self.find_outside(shown[:, [X, Y]].astype(float)).any())
 
-    @property
+    @cached_property
     def share_outside(self) -> float:
         """Return the share of the area where fish can be that the display does not show."""
         return float(self.find_outside(np.argwhere(self._legal)[:, ::-1].astype(float)).mean())
