@@ -73,14 +73,8 @@ def settings(width, height, first=(0.0, 0.0)):
 def test_corners_of_another_tank_are_refused_and_landmarks_are_not():
     text = describe_points(settings(1159, 937), 1160, 938)
     assert text.splitlines()[0].endswith("1160 × 938:")
-    assert text.splitlines()[4].split() == [
-        "(2328.0,",
-        "1874.0)",
-        "(1159.0,",
-        "937.0)",
-        "(1159.0,",
-        "937.0)",
-    ]
+    places = "(2328.0, 1874.0) (1159.0, 937.0) (1159.0, 937.0)"
+    assert text.splitlines()[4].split() == places.split()
     assert describe_points(settings(1160, 938), 1160, 938)  # counted from 1
     assert describe_points(settings(639, 479, first=(20.0, 30.0)), 1160, 938)
     assert describe_points(TrackerSettings(), 1160, 938) == ""

@@ -224,7 +224,7 @@ def test_a_connection_that_asks_for_nothing_ends(tmp_path, monkeypatch):
                     assert silent.recv(1) == b""
                 monkeypatch.undo()
         way.send("{")  # a WebSocket stays
-        assert way.ping().wait(60)
+        assert way.ping().wait(PATIENCE_S)
 
 
 def test_only_connections_that_are_overdue_end():
