@@ -298,7 +298,9 @@ class AppServer(uvicorn.Server):
             for connection in self.server_state.connections
             if isinstance(connection, PlainConnection) or connection.transport.is_closing()
         )
-        self._waiting_since = {one: self._waiting_since.get(one, now_s) for one in waiting}
+        self._waiting_since = {
+            connection: self._waiting_since.get(connection, now_s) for connection in waiting
+        }
         for connection, since_s in self._waiting_since.items():
             if now_s - since_s >= PATIENCE_S:
                 connection.transport.abort()

@@ -202,9 +202,7 @@ class DisplayHub:
     def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
         """Answer a display page that is ready or asks for the time; note its size.
 
-        Any other message is ignored.
-
-        message: None stands for an invalid one.
+        Any other message is ignored. message: None stands for an invalid one.
         """
         match message:
             case DisplayReady():
