@@ -28,7 +28,9 @@ from finloop.live.web import (
 
 MOST_PAGES = 8
 REST_S = 0.001
-"""No further message of a page is read for so long: 1000 a second. A page sends about 120."""
+"""No further message of a page is read for so long: 1000 a second.
+
+At 60 frames/s a page sends at most 120: each frame that it drew, and a goal while it is dragged."""
 _FRAMES_HZ = 60.0  # the highest frame rate
 _MOST_TICKS = 16  # the most ticks to catch up with at once; time beyond them is lost
 _MOST_STEPS = 32  # the most single steps kept until the next frame
