@@ -741,6 +741,15 @@ def test_what_inkscape_names_by_itself_goes_by_its_label(tmp_path):
     assert drawing.groups["paw"] == drawing.groups["path4-2"] == ("fore_left", "dog")
 
 
+def test_an_id_that_is_its_label_too_stays_an_id(tmp_path):
+    ear = '<path id="ear" inkscape:label="ear" d="M0 0H9V9z"/>'
+    root = 'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" width="9" height="9"'
+    nameless = '<g id="ear"><path d="M0 0H9V9z"/></g>'
+    assert list(load(tmp_path, nameless + ear, root).curves) == ["ear-2", "ear"]
+    with pytest.raises(FinloopError, match="uses the id 'ear' 2 times"):
+        load(tmp_path, ear + ear, root)
+
+
 def test_groups_are_known_by_their_ids(tmp_path):
     p = 'd="M0 0H9V9z"'
     drawing = load(

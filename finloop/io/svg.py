@@ -412,10 +412,15 @@ def _own_name(element: ElementTree.Element) -> str:
     It is the id, but Illustrator writes `fore_left` as `fore_x5F_left`, and Inkscape as a label,
     with an id of its own such as `path12`.
     """
-    own_id = element.get("id", "")
-    if (label := element.get(_LABEL)) and _INKSCAPE_ID.fullmatch(own_id):
+    if (label := element.get(_LABEL)) and _INKSCAPE_ID.fullmatch(element.get("id", "")):
         return label
-    return re.sub(r"_x([0-9A-F]{2,4})_", lambda code: chr(int(code[1], 16)), own_id)
+    return _decoded_id(element)
+
+
+def _decoded_id(element: ElementTree.Element) -> str:
+    """Return the id of an element as it was before Illustrator wrote it; "" without one."""
+    encoded = element.get("id", "")
+    return re.sub(r"_x([0-9A-F]{2,4})_", lambda code: chr(int(code[1], 16)), encoded)
 
 
 # --- elements
@@ -487,7 +492,7 @@ def _shown_shapes(
                 )
         elif tag in _SHAPES:
             if group.values.get("visibility") not in ("hidden", "collapse"):
-                is_id = own_name not in ("", element.get(_LABEL)) and not group.is_used
+                is_id = own_name == _decoded_id(element) != "" and not group.is_used
                 yield _ShownShape(name, is_id, group, element)
         else:
             is_root = element not in document.parents
