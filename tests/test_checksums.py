@@ -107,9 +107,9 @@ LOADS: dict[str, Callable[[Project], Any]] = {
 
 
 def test_a_whole_run_is_loaded(whole):
-    for load in LOADS.values():
+    for name, load in LOADS.items():
         with Project(whole) as project:
-            load(project)
+            assert load(project) is not None, name
 
 
 @pytest.mark.parametrize("share", [0, 0.5, 1])

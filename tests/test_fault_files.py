@@ -16,6 +16,7 @@ import yaml
 from finloop.base.errors import FinloopError
 from finloop.base.yaml_limits import refuse_yaml_bomb
 from finloop.io.limits import MOST_BYTES, MOST_RATIO, call_aside, limit_memory, refuse_bomb
+from finloop.io.parameters import read_parameters
 from finloop.io.picture import decode_picture
 from finloop.io.poses import load_poses
 from finloop.io.poses.pickled import load_plain_pickle
@@ -133,8 +134,10 @@ def test_yaml_that_is_deep_or_multiplies_is_refused(text, said):
         refuse_yaml_bomb(text)
 
 
-def test_yaml_with_aliases_is_read():
-    refuse_yaml_bomb("a: &a {x: 1}\nb: [*a, *a]\nc: {<<: *a}\n")
+def test_yaml_with_aliases_is_read(tmp_path):
+    (tmp_path / "a.yaml").write_text("a: &a {x: 1}\nb: [*a, *a]\nc: {<<: *a}\n")
+    values = {"a": {"x": 1}, "b": [{"x": 1}, {"x": 1}], "c": {"x": 1}}
+    assert read_parameters(tmp_path / "a.yaml") == values
 
 
 @pytest.mark.parametrize("text", ["films: {a: {1: 2}}", "films: {a: b}\nsettings: {path: 1}"])
