@@ -19,12 +19,11 @@ import numpy as np
 import pandas as pd
 import psutil
 
+from benchmarks.pipeline import ROOT, write_table
 from finloop.base.errors import FinloopError
 from finloop.io import svg
 from finloop.io.svg import load_svg
 
-OUT = Path("benchmarks/fault_drawings.csv")
-ROOT = Path(__file__).parents[1]
 XMLNS = 'xmlns="http://www.w3.org/2000/svg"'
 RICH = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
  width="10cm" height="50%" viewBox="0 0 100 100" preserveAspectRatio="xMidYMid meet"><style>
@@ -244,11 +243,7 @@ def main() -> None:
         for what, drawings in parts.items()
         if options.only is None or options.only in what
     ]
-    table = pd.DataFrame(rows).set_index("what")
-    print(table.to_string())
-    if OUT.exists():  # parts that did not run keep their row
-        table = table.combine_first(pd.read_csv(OUT, index_col="what"))
-    table.reindex([what for what in parts if what in table.index]).to_csv(OUT)
+    write_table(__file__, pd.DataFrame(rows), part="what")
 
 
 if __name__ == "__main__":

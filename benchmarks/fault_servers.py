@@ -23,7 +23,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from http.client import HTTPConnection, HTTPException
-from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
@@ -35,21 +34,16 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
+from benchmarks.pipeline import write_table
 from benchmarks.stimulus import Live, connect_page, finish_session, hostile_texts, run_session
 from finloop.live.server import MOST_PAGES
 
-OUT = Path("benchmarks/fault_servers.csv")
 MESSAGES, CONNECTIONS, HELD, ASKED = 100_000, 1000, 200, 20
 QUIET_S = 8.0
 READY = {
-    "do": "ready",
-    "page": "counter",
-    "width": 1280,
-    "height": 720,
-    "ratio": 1,
-    "renderer": "-",
-    "agent": "-",
-}
+    "do": "ready", "page": "counter", "width": 1280, "height": 720, "ratio": 1,
+    "renderer": "-", "agent": "-",
+}  # fmt: skip
 Row = tuple[str, str, str, float]
 
 
@@ -248,11 +242,7 @@ def main() -> None:
     if only != "tank":
         rows += measure_session()
     table = pd.DataFrame(rows, columns=["server", "what", "unit", "value"])
-    print(table.to_string(index=False))
-    if OUT.exists():  # a server that did not run keeps its rows
-        before = pd.read_csv(OUT)
-        table = pd.concat([before[~before["server"].isin(table["server"])], table])
-    table.to_csv(OUT, index=False, float_format="%.4g")
+    write_table(__file__, table, "%.4g", part="server")
 
 
 if __name__ == "__main__":

@@ -42,10 +42,20 @@ def write_film_table(benchmark: str, film_rows: FilmRows) -> None:
     table.to_csv(Path(benchmark).with_suffix(".csv"), index=False, float_format="%.3g")
 
 
-def write_table(benchmark: str, table: pd.DataFrame, float_format: str | None = None) -> None:
-    """Print a table and write it beside the benchmark's file, as CSV in `float_format`."""
+def write_table(
+    benchmark: str, table: pd.DataFrame, float_format: str | None = None, part: str | None = None
+) -> None:
+    """Print a table and write it beside the benchmark's file, as CSV in `float_format`.
+
+    part: the column that names the part of the benchmark of which a row is. Parts that the table
+    lacks keep their rows in the file; None: the file is the table.
+    """
     print(table.to_string(index=False))
-    table.to_csv(Path(benchmark).with_suffix(".csv"), index=False, float_format=float_format)
+    path = Path(benchmark).with_suffix(".csv")
+    if part is not None and path.exists():
+        before = pd.read_csv(path)
+        table = pd.concat([before[~before[part].isin(table[part])], table])
+    table.to_csv(path, index=False, float_format=float_format)
 
 
 def prepare_folder(folder: Path, overrides: Sequence[str]) -> None:

@@ -32,6 +32,7 @@ from playwright.sync_api import Page, sync_playwright
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
+from benchmarks.pipeline import write_table
 from finloop.io.journal import save_journal
 from finloop.project import Project
 from finloop.stimulus.drawn import PICTURE, X, Y
@@ -367,12 +368,7 @@ def main() -> None:
     }
     rows = [row for name in ([options.part] if options.part else parts) for row in parts[name]()]
     table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])
-    print(table.to_string(index=False))
-    path = Path(__file__).with_suffix(".csv")
-    if options.part and path.exists():  # rows of other parts stay
-        before = pd.read_csv(path)
-        table = pd.concat([before[~before["where"].isin(table["where"])], table])
-    table.to_csv(path, index=False, float_format="%.4g")
+    write_table(__file__, table, "%.4g", part="where" if options.part else None)
     wanted = "planned ≤ 5 ms, drawn ≤ 33 ms (99 %), ticks ≤ 1 ms SD; 60 frames/s, none dropped"
     print(f"wanted: {wanted}\n{os.cpu_count()} cores, software WebGL")
 
