@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 import psutil
 
+from benchmarks.mutations import Rng, mutate
 from benchmarks.pipeline import ROOT, write_table
 from finloop.base.errors import FinloopError
 from finloop.io import svg
@@ -72,46 +73,36 @@ class Outcome(NamedTuple):
     memory_mib: float
 
 
-def spoil_drawing(rng: np.random.Generator, text: str) -> str:
-    """Return a drawing's text with one to three random changes."""
-    for _ in range(rng.integers(1, 4)):
-        begin, end = sorted(rng.integers(0, len(text) + 1, 2).tolist())
-        end = min(end, begin + int(10 ** rng.uniform(0, 3)))
-        piece, place = text[begin:end], int(rng.integers(0, len(text) + 1))
-        match rng.integers(0, 10):
-            case 0:  # leave a piece out
-                text = text[:begin] + text[end:]
-            case 1:  # show a piece again, perhaps often
-                times = int(10 ** rng.uniform(0, 3 if len(piece) < 50 else 1))
-                text = text[:place] + piece * times + text[place:]
-            case 2:
-                text = text[:begin] + str(rng.choice(WORDS)) + text[end:]
-            case 3:  # change a letter
-                text = text[:begin] + chr(rng.integers(1, 300)) + text[begin + 1 :]
-            case _:  # change a value
-                values = list(re.finditer(r'"[^"<>]*"|[-\d.]+', text))
-                if values:
-                    start, stop = values[rng.integers(len(values))].span()
-                    is_text = text[start] == '"'
-                    word = str(rng.choice(WORDS)).replace("<", "")
-                    text = text[:start] + (f'"{word}"' if is_text else word) + text[stop:]
-    return text
+def _choose_word(rng: Rng) -> str:
+    """Return one of `WORDS`."""
+    return WORDS[int(rng.integers(len(WORDS)))]
+
+
+def _insert_part(data: bytes, rng: Rng) -> bytes:
+    """Insert a part of an SVG anywhere."""
+    place = int(rng.integers(len(data) + 1))
+    return data[:place] + _choose_word(rng).encode() + data[place:]
+
+
+def _replace_value(data: bytes, rng: Rng) -> bytes:
+    """Replace the value of an attribute, or a number, so that the file stays an SVG."""
+    values = list(re.finditer(rb'"[^"<>]*"|[-\d.]+', data))
+    if not values:
+        return data
+    begin, end = values[int(rng.integers(len(values)))].span()
+    word = _choose_word(rng).replace("<", "").encode()
+    return data[:begin] + (b'"%b"' % word if data[begin:].startswith(b'"') else word) + data[end:]
 
 
 def spoiled_drawings(count: int, seed: int) -> Iterator[bytes]:
-    """Yield drawings that were spoiled at random: of those that are shipped, and a rich one.
-
-    In every tenth, a byte is changed as well, so that it may be no text.
-    """
+    """Yield drawings that were spoiled at random: of those that are shipped, and a rich one."""
     rng = np.random.default_rng(seed)
-    shipped = [path.read_text("utf-8") for path in sorted(ROOT.glob("data/drawings/*.svg"))]
-    for _ in range(count):
+    shipped = [path.read_bytes() for path in sorted(ROOT.glob("data/drawings/*.svg"))]
+    for number in range(count):
         use_rich = rng.random() < 0.7 or not shipped
-        text = spoil_drawing(rng, RICH if use_rich else shipped[rng.integers(len(shipped))])
-        content = bytearray(text.encode("utf-8", "surrogatepass"))
-        if content and rng.random() < 0.1:
-            content[rng.integers(len(content))] = rng.integers(256)
-        yield bytes(content)
+        drawing = RICH.encode() if use_rich else shipped[int(rng.integers(len(shipped)))]
+        # half of all mutations are of values: most others are no XML any more
+        yield mutate(drawing, (seed, number), own=[_insert_part, *[_replace_value] * 10])
 
 
 def long_patterns(size: int) -> Iterator[tuple[str, bytes]]:

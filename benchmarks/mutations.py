@@ -2,11 +2,12 @@
 
 import re
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 Rng = np.random.Generator
+Mutation = Callable[[bytes, Rng], bytes]
 
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?")
 _WORDS = (
@@ -19,15 +20,18 @@ _WORDS = (
 _BYTES = (b"\0", b"\xff", b"\x7f", b"\x80", b"\x01")
 
 
-def mutate(data: bytes, seed: tuple[int, ...], repair: Callable[[bytes], bytes] | None) -> bytes:
+def mutate(
+    data: bytes, seed: tuple[int, ...], repair: Callable[[bytes], bytes] | None = None,
+    own: Sequence[Mutation] = (),
+) -> bytes:  # fmt: skip
     """Return a file's bytes with one to three mutations.
 
     seed: of the random choice. repair: makes checksums right again, so that the damage gets past
-    them; used for half of all files.
+    them; used for half of all files. own: mutations of this kind of file, beside those of any.
     """
-    rng = np.random.default_rng(seed)
+    rng, mutations = np.random.default_rng(seed), (*_MUTATIONS, *own)
     for _ in range(int(rng.integers(1, 4))):
-        data = _MUTATIONS[int(rng.integers(len(_MUTATIONS)))](data, rng)
+        data = mutations[int(rng.integers(len(mutations)))](data, rng)
     return repair(data) if repair is not None and rng.random() < 0.5 else data
 
 
