@@ -31,8 +31,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Origin
+from websockets.sync.client import ClientConnection
 
 from benchmarks.pipeline import write_table
 from benchmarks.stimulus import Live, connect_page, finish_session, hostile_texts, run_session
@@ -94,12 +93,6 @@ class TickCounter:
                 self.ticks += facts.get("kind") == "rows" and not facts["cut"]
 
 
-def open_page(address: str, path: str) -> ClientConnection:
-    """Return a connection to a server, as its page makes it."""
-    origin = Origin(f"http://{address}")
-    return connect(f"ws://{address}/{path}", origin=origin, compression=None, max_size=None)
-
-
 def send_all(connection: ClientConnection, count: int, seed: int) -> None:
     """Send hostile messages to a WebSocket, and throw away what comes back."""
     with connection as page:
@@ -120,7 +113,9 @@ def attack_tank(tank: Tank, seed: int) -> None:
     pages = MOST_PAGES - 1
     with ThreadPoolExecutor(pages) as attackers:
         for sent in [
-            attackers.submit(send_all, open_page(tank.address, "tank"), MESSAGES // pages, seed + n)
+            attackers.submit(
+                send_all, connect_page(tank.address, "tank"), MESSAGES // pages, seed + n
+            )
             for n in range(0, 2 * pages, 2)
         ]:
             sent.result()
@@ -132,7 +127,7 @@ def attack_session(live: Live, seed: int) -> None:
         live.send(text)
         live.send(text, osc=True)
     for path, share in (("animals", 2), ("display", 1), ("experimenter", 1)):
-        send_all(connect_page(live, path), share * MESSAGES // 10, seed)
+        send_all(connect_page(live.address, path), share * MESSAGES // 10, seed)
 
 
 def hold_connections(address: str, page: str) -> tuple[int, float]:
@@ -196,7 +191,7 @@ def measure_tank() -> Iterator[Row]:
     with run_tank() as tank:
         yield from attack_server(
             "live tank", tank.program, tank.address, "/", lambda turn: attack_tank(tank, turn),
-            TickCounter(lambda: open_page(tank.address, "tank"), ""),
+            TickCounter(lambda: connect_page(tank.address, "tank"), ""),
         )  # fmt: skip
 
 
@@ -207,8 +202,8 @@ def measure_session() -> Iterator[Row]:
         "conditions": {"avoid": {"seconds": 600, "motion": {"rule": {"rule": "avoid"}}}},
     }  # fmt: skip
     with run_session(protocol) as live:
-        counter = TickCounter(lambda: open_page(live.address, "display"), json.dumps(READY))
-        with connect_page(live, "experimenter") as page:
+        counter = TickCounter(lambda: connect_page(live.address, "display"), json.dumps(READY))
+        with connect_page(live.address, "experimenter") as page:
             page.recv()
             page.send('{"do":"start"}')
             while json.loads(page.recv())["phase"] != "running":
@@ -217,7 +212,7 @@ def measure_session() -> Iterator[Row]:
             "stimulus", live.program, live.address, "/show",
             lambda turn: attack_session(live, turn), counter,
         )  # fmt: skip
-        with connect_page(live, "experimenter") as page:
+        with connect_page(live.address, "experimenter") as page:
             refused = json.loads(page.recv())["heard"]
             page.send('{"do":"abort"}')
             while json.loads(page.recv())["phase"] != "done":

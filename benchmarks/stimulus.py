@@ -115,17 +115,17 @@ def run_session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
         program.wait(60)
 
 
-def connect_page(session: Live, page: str) -> ClientConnection:
-    """Return a connection to a session as one of its pages makes it, such as "experimenter"."""
+def connect_page(address: str, page: str) -> ClientConnection:
+    """Return a connection to a server as one of its pages makes it, such as "experimenter"."""
     return connect(
-        f"ws://{session.address}/{page}", origin=Origin(f"http://{session.address}"),
-        compression=None, max_queue=4,
+        f"ws://{address}/{page}", origin=Origin(f"http://{address}"),
+        compression=None, max_queue=4, max_size=None,
     )  # fmt: skip
 
 
 def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -> None:
     """Start a session, and call `meanwhile` with the time every `step_s` until it is done."""
-    with connect_page(live, "experimenter") as page:
+    with connect_page(live.address, "experimenter") as page:
         state = json.loads(page.recv())
         page.send('{"do":"start"}')
         due = time.perf_counter()
@@ -284,7 +284,7 @@ def send_hostile_messages() -> Iterator[Row]:
         "conditions": {"avoid": {"seconds": 120, "motion": {"rule": {"rule": "avoid"}}}},
     }  # fmt: skip
     with run_session(protocol) as live:
-        with connect_page(live, "experimenter") as page:
+        with connect_page(live.address, "experimenter") as page:
             page.send('{"do":"start"}')
             page.recv()
         for turn in range(2):  # the first time warms up; memory counts from the second on
@@ -293,13 +293,13 @@ def send_hostile_messages() -> Iterator[Row]:
                 live.send(text)
                 live.send(text, osc=True)
             for path in ("animals", "display", "experimenter"):
-                with connect_page(live, path) as page:
+                with connect_page(live.address, path) as page:
                     for number, text in enumerate(hostile_texts(MESSAGES, turn)):
                         page.send(text.decode("latin-1") if number % 2 else text)
                         if path == "experimenter" and number % 20 == 0:
                             page.recv()
         growth = live.program.memory_info().rss / 2**20 - before
-        with connect_page(live, "experimenter") as page:
+        with connect_page(live.address, "experimenter") as page:
             refused = json.loads(page.recv())["heard"].get("malformed", 0)
             page.send('{"do":"abort"}')
         record = finish_session(live)
