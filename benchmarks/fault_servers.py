@@ -73,15 +73,15 @@ def run_tank() -> Iterator[Tank]:
 class TickCounter:
     """A page that counts the ticks that reach it, in a thread."""
 
-    def __init__(self, open_page: Callable[[], ClientConnection], greeting: str) -> None:
-        """Begin to count; greeting: the page's first message, "" for none."""
+    def __init__(self, address: str, page: str, greeting: str = "") -> None:
+        """Begin to count on a page of a server; greeting: its first message, "" for none."""
         self.ticks = 0
-        self._open_page, self._greeting = open_page, greeting
+        self._address, self._page, self._greeting = address, page, greeting
         threading.Thread(target=self._take_messages, daemon=True).start()
 
     def _take_messages(self) -> None:
         """Take messages until the page is closed; acknowledge the live tank's."""
-        with suppress(ConnectionClosed), self._open_page() as page:
+        with suppress(ConnectionClosed), connect_page(self._address, self._page) as page:
             if self._greeting:
                 page.send(self._greeting)
             while True:
@@ -191,7 +191,7 @@ def measure_tank() -> Iterator[Row]:
     with run_tank() as tank:
         yield from attack_server(
             "live tank", tank.program, tank.address, "/", lambda turn: attack_tank(tank, turn),
-            TickCounter(lambda: connect_page(tank.address, "tank"), ""),
+            TickCounter(tank.address, "tank"),
         )  # fmt: skip
 
 
@@ -202,7 +202,7 @@ def measure_session() -> Iterator[Row]:
         "conditions": {"avoid": {"seconds": 600, "motion": {"rule": {"rule": "avoid"}}}},
     }  # fmt: skip
     with run_session(protocol) as live:
-        counter = TickCounter(lambda: connect_page(live.address, "display"), json.dumps(READY))
+        counter = TickCounter(live.address, "display", json.dumps(READY))
         with connect_page(live.address, "experimenter") as page:
             page.recv()
             page.send('{"do":"start"}')
