@@ -31,7 +31,7 @@ import pandas as pd
 import psutil
 import yaml
 
-from benchmarks.pipeline import ROOT, with_dependencies
+from benchmarks.pipeline import ROOT, data_stages
 from finloop.io.checksums import (
     RECORD_NAME,
     DamagedFileError,
@@ -178,7 +178,7 @@ def try_kills(folder: Path, count: int, rng: random.Random) -> Iterator[tuple[st
 
     What was wrong is printed, and the run is put back in order.
     """
-    stages = [name for name in with_dependencies(LAST_STAGES) if name not in ("code", "params")]
+    stages = data_stages(LAST_STAGES)
     with_workers = [name for name in stages if "open_workers" in _read_source(name)]
     seconds = dict.fromkeys(stages, FIRST_GUESS_S)
     known, before = list_processes(folder), digest_results(folder)

@@ -15,6 +15,7 @@ from scratch import content
 from tiny_run import STAGES, stage_run
 
 import stages.verify
+from benchmarks.faults import list_artefacts
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema
 from finloop.io import checksums
@@ -25,7 +26,6 @@ from finloop.io.checksums import (
     check_file,
     file_digest,
     find_damage,
-    load_digests,
     save_checksums,
     seal,
     unseal,
@@ -62,13 +62,6 @@ def flip_bit(path: Path, share: float, bit: int = 0) -> Iterator[None]:
         yield
     finally:
         path.write_bytes(before)
-
-
-def list_artefacts(run: Path) -> list[Path]:
-    """Every file that a record names, and every record."""
-    records = [path for top in ("data", "reports") for path in (run / top).rglob(RECORD_NAME)]
-    named = {path for record in records for path in load_digests(record.parent)}
-    return sorted(named.union(records))
 
 
 LOADS: dict[str, Callable[[Project], Any]] = {
