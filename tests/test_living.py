@@ -175,6 +175,24 @@ def test_a_painter_draws_fish_on_the_present_picture_and_leaves_no_trace(colour)
         assert (frame[covered] == 30).all() and (frame[~covered] == floor[~covered]).all()
 
 
+def test_beneath_a_cut_out_the_tank_stands_still_in_the_light_around():
+    """So grain is not seen twice, and a fish is as bright as a tank that is lit up beside it."""
+    rng = np.random.default_rng(4)
+    brighter = np.clip(1.1 * TANK + rng.normal(0, 3, TANK.shape), 0, 255).astype(np.uint8)
+    pixels = disc()
+    pixels[..., 1] = np.maximum(pixels[..., 1], 1)  # with a residue that is hardly seen around it
+    painter = Painter(TANK, tank=LivingTank([brighter]))
+    fish = PlacedFish(50.0, 50.0, TurnedPicture(pad_picture(pixels, 10.0, 10.0)), None, 0.0)
+    painter.show(fish)
+    box = np.s_[40:61, 40:61]
+    light = brighter[box].mean() / TANK[box].mean()
+    expected = light * (pixels[..., 0] + (1 - pixels[..., 1] / 255) * TANK[box])
+    assert np.abs(painter.frame[box] - expected).max() < 1
+    outside = np.ones(TANK.shape, bool)
+    outside[box] = False
+    assert np.array_equal(painter.frame[outside], brighter[outside])
+
+
 def test_the_films_light_falls_on_tank_and_fish():
     tank = LivingTank([TANK], np.array([1.0, 1.2, 0.5]))
     painter, still = Painter(TANK, tank=tank), Painter(TANK)

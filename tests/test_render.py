@@ -57,6 +57,7 @@ from finloop.render.painter import (
     Shadow,
     TurnedPicture,
     pad_picture,
+    sharpen_picture,
 )
 from finloop.render.steps import FrameChangeMeter, film_frame_changes, frame_change_metrics
 from finloop.sprites.orient import SPRITES
@@ -124,6 +125,45 @@ def test_the_kernel_gives_back_polynomials_of_the_second_degree():
     for u, v in ((5.0, 5.0), (5.1, 6.7), (6.25, 4.5), (7.9, 3.01)):
         shown = paint_fish(40 - u, 40 - v, TurnedPicture(pad_picture(pixels, 0.0, 0.0)))[40, 40]
         assert shown == pytest.approx(20 + 3 * u + 0.5 * u * (u - 1) + 4 * v, abs=0.501)
+
+
+def striped_disc(period_px):
+    """An opaque disc of 20 px with stripes, (61, 61, 2)."""
+    y, x = np.mgrid[:61, :61] - 30.0
+    stripes = 120 + 50 * np.sin(2 * np.pi * x / period_px)
+    opaque = np.hypot(x, y) < 20
+    alpha = np.where(opaque, 255, 0)
+    return np.dstack([np.round(np.where(opaque, stripes, 0)), alpha]).astype(np.uint8)
+
+
+@pytest.mark.parametrize("period_px", [2.6, 4.0, 9.0])
+def test_a_picture_of_the_film_stays_as_sharp_in_the_mean_however_it_is_turned(period_px):
+    """The power of stripes is the mean over angles and places; without sharpening it is less."""
+    plain = pad_picture(striped_disc(period_px), 30.0, 30.0)
+    inside = np.hypot(*(np.mgrid[:90, :120] - np.array([45, 60])[:, None, None])) < 15
+    rng = np.random.default_rng(6)
+    powers = []
+    for picture in (plain, sharpen_picture(plain)):
+        drawn = [
+            paint_fish(60 + u, 45 + v, TurnedPicture(picture, angle))[inside].astype(float).var()
+            for u, v, angle in rng.uniform([-0.5, -0.5, 0], [0.5, 0.5, 360], (40, 3))
+        ]
+        powers.append(np.mean(drawn) / (50**2 / 2))
+    assert powers[1] == pytest.approx(1, abs=0.04)
+    assert powers[0] < (0.93 if period_px < 5 else 1)
+
+
+def test_a_picture_of_the_film_drawn_pixel_on_pixel_is_the_film_and_opaque_stays_opaque():
+    pixels = striped_disc(2.6)
+    picture = sharpen_picture(pad_picture(pixels, 30.0, 30.0))
+    around = np.s_[15:76, 30:91]
+    assert np.array_equal(paint_fish(60, 45, TurnedPicture(picture))[around], pixels[..., 0])
+    bright, dark = (
+        paint_fish(60.4, 45.3, TurnedPicture(picture, 20.0), tank=np.full_like(BLACK, level))
+        for level in (0, 255)
+    )
+    inner = np.hypot(*(np.mgrid[:90, :120] - np.array([45, 60])[:, None, None])) < 17
+    assert np.array_equal(bright[inner], dark[inner])  # no tank shines through
 
 
 @pytest.mark.parametrize("quarter", [1, 2, 3, 5, -1])
@@ -273,9 +313,9 @@ def test_a_gallery_for_other_grounds_leaves_out_the_residue():
     stored = {"frame": CutoutSet([Cutout(0, 0, 0, 0, pixels)], np.array([[9.5, 9.5]]))}
     alone, own = Gallery(stored, residue=False), Gallery(stored)
     for mirrored in (False, True):
-        kept = own.film_picture(0, mirrored).pixels[..., 1] > 0
+        kept = own.film_picture(0, mirrored).filmed[..., 1] > 0
         assert np.count_nonzero(kept) == 400
-        shown = alone.film_picture(0, mirrored).pixels[..., 1]
+        shown = alone.film_picture(0, mirrored).filmed[..., 1]
         assert np.count_nonzero(shown) == 36  # the fish and the pixel around it
         assert np.count_nonzero(shown == 255) == 16
 

@@ -35,7 +35,7 @@ _STEPS, _REACH = 8, 8  # bounds per px of distance, px from the outline that the
 _VISIBLE = 26  # alpha of a tenth: a part of less is hardly seen
 RESIDUE_PX = 8  # from the visible cut-out to where its residue ends: a block of most codecs
 _FADE_PX = 3  # over which it fades out there
-_POWER_PX = 5  # side of the square in which the power of the residue is measured
+_POWER_PX = 5  # side of the square in which the power of a difference is measured
 _MOSTLY_GRAIN = 0.5  # share of the power from which a difference counts as grain alone
 _FAR_PX = 3  # from the cut-out; what differs there by far more than a residue is another animal
 _FEWEST = 50  # pixels of the tank that tell the light beside a fish
@@ -155,10 +155,10 @@ def cut_with_residue(
     k]), empty, in even light; gains: (k,), of the light of the frame; grain_grey: SD of film less
     tank where no animal is. The result (h, w, k + 1) uint8 is premultiplied, alpha last.
 
-    The light is that beside the fish, which can differ a little from that of the whole frame. The
-    result on the tank gives the film where alpha is 1. Elsewhere the difference of film and tank is
-    reduced to the power that it has beyond the grain, for the tank of an animation has its own.
-    The added alpha is the least that shows the difference, black or white, and less than a tenth.
+    The light is that beside the fish, which can differ a little from that of the whole frame. On
+    its own still tank the result gives the film back, grain included, where the fish is and where
+    film and tank differ by more than grain. There alpha is at least 1. What is added around the
+    fish has the least alpha that shows the difference, black or white, and less than a tenth.
     """
     shape = (*alpha.shape, len(gains))
     film, tank = (np.ascontiguousarray(picture).reshape(shape) for picture in (film, tank))
@@ -181,17 +181,16 @@ def drop_residue(pixels: Picture) -> Picture:
     return np.asarray(pixels * cv2.dilate(visible, np.ones((3, 3), np.uint8))[..., None])
 
 
-# Both kernels go through a row once for each channel: grey pixels are then worked on in parallel.
+# These kernels go through a row once for each channel: grey pixels are then worked on in parallel.
 @finite_kernel
-def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-untyped-def]
-    """Return film less tank in the light beside a fish, its square, and the alpha that shows it.
+def _light_beside(alpha, film, tank, light, grain_grey):  # type: ignore[no-untyped-def]
+    """Return the tank's level over the film's beside a fish, (k,) float32; `light` if none is seen.
 
-    alpha: (h, w); film, tank: (h, w, k); gains: (k,). The change is (h, w, k), its mean square (h,
-    w), and the alpha (h, w), which is 255 or more where nothing of the tank is seen: all float32.
-    grain_grey: standard deviation of the film's noise.
+    alpha, film, tank, grain_grey: as in `_change_beside`; light (k,): a first estimate, by which
+    pixels count as the tank.
     """
     height, width, channels = film.shape
-    light, limit = (1 / gains).astype(np.float32), np.float32(2 * grain_grey)
+    limit = np.float32(2 * grain_grey)
     count, of_tank, of_film = 0, np.zeros(channels), np.zeros(channels)
     most = np.empty(width, np.float32)
     for y in range(height):
@@ -215,8 +214,23 @@ def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-unt
                 film_sum += beside * np.float32(film[y, x, k])
             of_tank[k] += tank_sum
             of_film[k] += film_sum
-    if count >= _FEWEST:
-        light = (of_tank / np.maximum(of_film, 1.0)).astype(np.float32)
+    if count < _FEWEST:
+        return light
+    return (of_tank / np.maximum(of_film, 1.0)).astype(np.float32)
+
+
+@finite_kernel
+def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-untyped-def]
+    """Return film less tank in the light beside a fish, its square, and the alpha that shows it.
+
+    alpha: (h, w); film, tank: (h, w, k); gains: (k,). The change is (h, w, k), its mean square (h,
+    w), and the alpha (h, w), which is 255 or more where nothing of the tank is seen: all float32.
+    grain_grey: standard deviation of the film's noise.
+    """
+    height, width, channels = film.shape
+    light = (1 / gains).astype(np.float32)
+    for _ in range(2):  # the first time, the choice of pixels leans to the light of the whole frame
+        light = _light_beside(alpha, film, tank, light, grain_grey)
     change = np.empty(film.shape, np.float32)
     squared, opacity = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     for y in range(height):
@@ -234,7 +248,7 @@ def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-unt
 
 @finite_kernel
 def _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_grey):  # type: ignore[no-untyped-def]
-    """Return a cut-out (h, w, k + 1) uint8, premultiplied: the change beyond the grain, over alpha.
+    """Return a cut-out (h, w, k + 1) uint8, premultiplied: the change that is no grain, over alpha.
 
     alpha (h, w), tank (h, w, k); change, opacity: from `_change_beside`; power: mean square of the
     change around a pixel; other: not 0 near another animal; distance: px to the fish; grain_grey:
@@ -247,12 +261,13 @@ def _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_gr
     for y in range(height):
         for x in range(width):
             fade = (np.float32(RESIDUE_PX + 1) - distance[y, x]) / np.float32(_FADE_PX)
-            grain = of_grain / max(power[y, x], np.float32(1e-6))
-            shown = np.sqrt(max(one - grain, np.float32(0))) * min(max(fade, np.float32(0)), one)
-            is_other = (other[y, x] > 0) & (alpha[y, x] == 0)
-            if (grain > np.float32(_MOSTLY_GRAIN)) | is_other:
+            shown = min(max(fade, np.float32(0)), one)
+            is_grain = of_grain > np.float32(_MOSTLY_GRAIN) * power[y, x]
+            if is_grain | ((other[y, x] > 0) & (alpha[y, x] == 0)):
                 shown = np.float32(0)
+            least = np.float32(shown > 0)
             faint = np.floor(min(shown * opacity[y, x], np.float32(_VISIBLE - 1)) + np.float32(0.5))
+            faint = max(faint, least)
             own = np.float32(alpha[y, x])
             share[x], opaque[x] = max(shown, own / np.float32(255)), max(own, faint)
         for k in range(channels):

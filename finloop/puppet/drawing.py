@@ -43,8 +43,8 @@ class PosedPicture:
     """
 
     def __init__(
-        self, pixels: Picture, source: PlacedBackbone, target: PlacedBackbone, mirrored: bool,
-        sharp: bool = True,
+        self, pixels: Picture | Premultiplied, source: PlacedBackbone, target: PlacedBackbone,
+        mirrored: bool, sharp: bool = True,
     ) -> None:  # fmt: skip
         """Prepare a picture (h, w, c), 0 … 255, premultiplied, to be drawn in another pose.
 

@@ -23,6 +23,7 @@ from finloop.render.painter import (
     PlacedFish,
     TurnedPicture,
     pad_picture,
+    sharpen_picture,
 )
 
 PLACE = ["x_px", "y_px"]
@@ -48,7 +49,7 @@ class Gallery:
     """Pictures of fish that edit lists name; the last used ones stay in memory."""
 
     def __init__(
-        self, cutout_sets: Mapping[str, CutoutSet], bodies: Bodies | None = None, keep: int = 512,
+        self, cutout_sets: Mapping[str, CutoutSet], bodies: Bodies | None = None, keep: int = 256,
         residue: bool = True,
     ) -> None:  # fmt: skip
         """Take the cut-outs by kind, FRAME or SPRITE.
@@ -63,7 +64,7 @@ class Gallery:
     def _load_picture(
         self, kind: str, source: int, orientation: int, mirrored: bool
     ) -> PaddedPicture:
-        """Return a stored cut-out as a picture to draw; mirrored: left and right exchanged.
+        """Return a stored cut-out as a picture to draw, sharpened; mirrored: left is right.
 
         kind, source, orientation: columns of `EDIT`.
         """
@@ -73,8 +74,8 @@ class Gallery:
         x, y = x_px - cutout.x0_px, y_px - cutout.y0_px
         pixels = cutout.pixels if self.residue else drop_residue(cutout.pixels)
         if mirrored:
-            return pad_picture(pixels[:, ::-1], pixels.shape[1] - 1 - x, y)
-        return pad_picture(pixels, x, y)
+            pixels, x = pixels[:, ::-1], pixels.shape[1] - 1 - x
+        return sharpen_picture(pad_picture(pixels, x, y))
 
     def film_picture(self, row: int, mirrored: bool = False) -> PaddedPicture:
         """Return the picture of a row of the film; mirrored: left and right exchanged."""

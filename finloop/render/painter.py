@@ -4,12 +4,17 @@ It draws what an edit list names (fish paper Figs. 16, 18). Everything is premul
 stays in floating point until the canvas, so that a pixel is rounded once:
 
     F = (1 − w) A + w B        the cross-fade of two pictures A, B, w the partner's share
-    canvas = F + (1 − alpha of F) · tank
+    canvas = g F + (1 − alpha of F) · (canvas + g S − T)
+
+S is the still tank, T its picture at this tick, and g their ratio around the fish: of a still tank
+T = S and g = 1. So beneath a cut-out, which has its own film's grain, a living tank stands still,
+and the fish is as bright as the tank beside it.
 
 A and B are sampled with the cubic kernel of Keys (a = −1/2), which reproduces every polynomial up
 to the second degree: a shift by a part of a pixel moves the mass centre by exactly that part, and
 no shift at all changes nothing. Its overshoots are clipped: 0 ≤ colour ≤ alpha ≤ 255, so that no
-fringe shines at the outline and nothing overflows.
+fringe shines at the outline and nothing overflows. The kernel smooths, so a film's picture is
+sharpened by as much (`sharpen_picture`), unless it is drawn pixel on pixel: then it stays as it is.
 
 The puppet draws a fish in another pose than the filmed one, its partner in the same pose: then the
 partner's skin gives way from the tail on, its outline at once (`finloop.puppet.drawing`). Of
@@ -35,12 +40,13 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel, leaf_kernel
-from finloop.base.sampling import keys_cubic_weights
+from finloop.base.sampling import keys_cubic_weights, sharpen_for_turning
 from finloop.puppet import PlacedBackbone, PosedPicture, change_in_pose
 from finloop.render.living import LivingTank
 
 Image = NDArray[np.uint8]
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
+_WHOLE_PX = 1e-3  # off a whole pixel, a picture counts as drawn pixel on pixel
 
 
 class Box(NamedTuple):
@@ -89,13 +95,15 @@ class Box(NamedTuple):
 
 
 class PaddedPicture(NamedTuple):
-    """A cut-out to draw: pixels (h, w, 2 or 4) uint8 with a transparent rim, premultiplied.
+    """A cut-out to draw: pixels (h, w, 2 or 4) with a transparent rim, premultiplied.
 
-    near: (h, w) uint8, 0 where all 4 × 4 pixels that the cubic kernel reads around are transparent.
-    x_px, y_px: its mass centre, in its own pixels. Made by `pad_picture`.
+    filmed: as it was filmed, uint8; pixels: what turning and bending interpolate, float32. near:
+    (h, w) uint8, 0 where all 4 × 4 pixels that the cubic kernel reads around are transparent. x_px,
+    y_px: its mass centre, in its own pixels. Made by `pad_picture`.
     """
 
-    pixels: Image
+    filmed: Image
+    pixels: NDArray[np.float32]
     near: Image
     x_px: float
     y_px: float
@@ -107,9 +115,21 @@ class PictureLayer(NamedTuple):
     The canvas shows its pixel (u, v) at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
     """
 
-    pixels: Image
+    pixels: NDArray[np.float32]
     near: Image
     m: tuple[float, float, float, float, float, float]
+
+
+class TankBelow(NamedTuple):
+    """The tank that a fish is drawn on: still and at this tick, and its light around the fish.
+
+    still, shown: (h, w, 1 or as the canvas) uint8; light (channels of the canvas,) float32: mean of
+    `shown` over that of `still`, around the fish.
+    """
+
+    still: Image
+    shown: Image
+    light: NDArray[np.float32]
 
 
 class TurnedPicture(NamedTuple):
@@ -135,9 +155,11 @@ class TurnedPicture(NamedTuple):
     def layer_at(self, x_px: float, y_px: float) -> PictureLayer:
         """Return the layer that draws the picture with its mass centre at (x_px, y_px)."""
         cos, sin = (part / self.scale for part in self._cos_and_sin())
-        pixels, near, centre_u, centre_v = self.picture
+        filmed, pixels, near, centre_u, centre_v = self.picture
         u_offset = centre_u - cos * x_px + sin * y_px
         v_offset = centre_v - sin * x_px - cos * y_px
+        if cos == 1 and max(abs(part - round(part)) for part in (u_offset, v_offset)) < _WHOLE_PX:
+            pixels = filmed.astype(np.float32)
         return PictureLayer(pixels, near, (cos, -sin, u_offset, sin, cos, v_offset))
 
     def _cos_and_sin(self) -> tuple[float, float]:
@@ -180,7 +202,17 @@ def pad_picture(pixels: Image, x_px: float, y_px: float) -> PaddedPicture:
     alpha = np.ascontiguousarray(padded[..., -1])
     # The cubic kernel reads pixels −1, 0, 1, 2 from the one at its place.
     near = cv2.dilate(alpha, np.ones((4, 4), np.uint8), anchor=(1, 1))
-    return PaddedPicture(padded, near, x_px + _PAD, y_px + _PAD)
+    return PaddedPicture(padded, padded.astype(np.float32), near, x_px + _PAD, y_px + _PAD)
+
+
+def sharpen_picture(picture: PaddedPicture) -> PaddedPicture:
+    """Return a picture that stays as sharp as filmed in the mean, however it is turned and placed.
+
+    Transparent pixels stay transparent, and opaque ones opaque.
+    """
+    alpha, pixels = picture.filmed[..., -1:], sharpen_for_turning(picture.filmed)
+    pixels *= np.where(alpha == 255, 255 / np.maximum(pixels[..., -1:], 1), alpha > 0)
+    return picture._replace(pixels=pixels)
 
 
 class PlacedFish(NamedTuple):
@@ -235,6 +267,7 @@ class Painter:
             floor = floor.repeat(3, axis=2)
         self.floor = np.array(floor, order="C")
         self.canvas = self.floor.copy()
+        self._shown = self.floor  # the tank at this tick
         self._shadow, self._touched, self._tank = shadow, list[Box](), tank
 
     @property
@@ -258,6 +291,7 @@ class Painter:
                 cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB, dst=self.canvas)
             else:
                 np.copyto(self.canvas, picture.reshape(self.canvas.shape))
+            self._shown = picture.reshape(*picture.shape[:2], -1)
         self._touched.clear()
 
     def show(self, *fish: PlacedFish, tick: int = 0) -> Box:
@@ -323,21 +357,61 @@ class Painter:
         if channels > self.canvas.shape[2] + 1:
             raise ValueError("a coloured fish needs a coloured canvas")
         if isinstance(fish, BentPicture) and isinstance(other, BentPicture):
-            box = _draw_bent(self.canvas, x_px, y_px, fish, other, share)
+            box = self._draw_bent(x_px, y_px, fish, other, share)
         elif isinstance(fish, TurnedPicture) and isinstance(other, TurnedPicture):
-            box = _draw_turned(self.canvas, x_px, y_px, fish, other, share)
+            box = self._draw_turned(x_px, y_px, fish, other, share)
         else:
             raise ValueError("a fish and its partner are either both drawn in a pose, or neither")
         self.mark_changed(box)
         return box
+
+    def _draw_bent(
+        self, x_px: float, y_px: float, fish: BentPicture, other: BentPicture, share: float
+    ) -> Box:
+        """Draw a bent picture with its mass centre at (x_px, y_px); return its box.
+
+        other: the picture that `fish` replaces, of which the share `share`, 0 … 1, is left.
+        """
+        pictures = (fish, other) if share else (fish,)
+        posed = [picture.pose_at(x_px, y_px) for picture in pictures]
+        box = Box.enclose(Box(*picture.box) for picture in posed).clip_to(self.canvas.shape)
+        if not box.is_empty:
+            pixels = change_in_pose(*posed, share, box) if share else posed[0].draw_part(box)
+            draw_pixels(self.canvas[box.slices], pixels, self._tank_below(box))
+        return box
+
+    def _draw_turned(
+        self, x_px: float, y_px: float, fish: TurnedPicture, other: TurnedPicture, share: float
+    ) -> Box:
+        """Draw a turned picture with its mass centre at (x_px, y_px); return its box.
+
+        other: the picture that `fish` replaces, of which the share `share`, 0 … 1, is left.
+        """
+        visible = [picture for picture, w in ((fish, 1 - share), (other, share)) if w > 0]
+        boxes = (picture.box_at(x_px, y_px) for picture in visible)
+        box = Box.enclose(boxes).clip_to(self.canvas.shape)
+        if not box.is_empty:
+            layers = fish.layer_at(x_px, y_px), other.layer_at(x_px, y_px)
+            draw_layers(self.canvas, box, *layers, share, self._tank_below(box))
+        return box
+
+    def _tank_below(self, box: Box) -> TankBelow:
+        """Return the tank in a box, which is not empty."""
+        still, shown = self.floor[box.slices], self._shown[box.slices]
+        light = np.ones(self.canvas.shape[2], np.float32)
+        if self._shown is not self.floor:
+            for k in range(len(light)):
+                level = cv2.mean(np.ascontiguousarray(shown[..., min(k, shown.shape[2] - 1)]))[0]
+                light[k] = level / max(cv2.mean(np.ascontiguousarray(still[..., k]))[0], 1.0)
+        return TankBelow(still, shown, light)
 
 
 @leaf_kernel
 def _sample_cubically(pixels, near, u, v):  # type: ignore[no-untyped-def]
     """Return the colour at (u, v) by cubic interpolation: red, green, blue, alpha; colour ≤ alpha.
 
-    pixels (h, w, 2 or 4): premultiplied by alpha; near (h, w): 0 where all pixels around are
-    transparent, and so is the result; u, v: column and row, parts of a pixel included.
+    pixels (h, w, 2 or 4): float32, premultiplied by alpha; near (h, w): 0 where all pixels around
+    are transparent, and so is the result; u, v: column and row, parts of a pixel included.
     """
     channels = pixels.shape[2]
     column, row = math.floor(u), math.floor(v)
@@ -386,15 +460,31 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
     return u, v, 1 <= u < shape[1] - 2 and 1 <= v < shape[0] - 2
 
 
+@leaf_kernel
+def _blend_pixel(pixel, k, level, alpha, still, shown, light):  # type: ignore[no-untyped-def]
+    """Draw a fish's level and alpha, 0 … 255, over channel k of a canvas's pixel, which changes.
+
+    pixel (channels,); still, shown (1 or channels,): the tank's pixel there; light: of the channel,
+    all as in `TankBelow`.
+    """
+    through = 1 - alpha / np.float32(255)
+    below = np.float32(pixel[k]) - np.float32(shown[min(k, len(shown) - 1)])
+    below += light * np.float32(still[k])
+    result = light * level + through * below + np.float32(0.5)
+    pixel[k] = np.uint8(min(max(result, np.float32(0)), np.float32(255)))
+
+
 @kernel
-def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
+def draw_layers(canvas, box, fish, partner, share, ground):  # type: ignore[no-untyped-def]
     """Cross-fade two pictures over the canvas, which changes: (1 − share) fish + share partner.
 
-    canvas: (H, W, 1 or 3) uint8; box: a `Box`; fish, partner: a `PictureLayer` each; share: 0 … 1.
+    canvas: (H, W, 1 or 3) uint8; box: a `Box`; fish, partner: a `PictureLayer` each; share: 0 … 1;
+    ground: the tank in the box.
     """
     # Unpacked here: within the loop every access to a tuple would count its references.
     pixels, near, m = fish
     other, other_near, n = partner
+    still, shown, light = ground
     shape, other_shape = near.shape, other_near.shape
     fish_share, share = np.float32(1 - share), np.float32(share)
     for y in range(box.top, box.bottom):
@@ -413,61 +503,31 @@ def draw_layers(canvas, box, fish, partner, share):  # type: ignore[no-untyped-d
                 blue += share * b
                 alpha += share * a
             if alpha > 0:
-                through = 1 - alpha / np.float32(255)
+                empty, alive = still[y - box.top, x - box.left], shown[y - box.top, x - box.left]
                 pixel = canvas[y, x]
-                pixel[0] = np.uint8(red + through * pixel[0] + np.float32(0.5))
+                _blend_pixel(pixel, 0, red, alpha, empty, alive, light[0])
                 if canvas.shape[2] == 3:
-                    pixel[1] = np.uint8(green + through * pixel[1] + np.float32(0.5))
-                    pixel[2] = np.uint8(blue + through * pixel[2] + np.float32(0.5))
-
-
-def _draw_bent(
-    canvas: Image, x_px: float, y_px: float, fish: BentPicture, other: BentPicture, share: float
-) -> Box:
-    """Draw a bent picture on a canvas, which changes; return its box.
-
-    x_px, y_px: of the mass centre; other: the picture that `fish` replaces, of which the share
-    `share`, 0 … 1, is left.
-    """
-    pictures = (fish, other) if share else (fish,)
-    posed = [picture.pose_at(x_px, y_px) for picture in pictures]
-    box = Box.enclose(Box(*picture.box) for picture in posed).clip_to(canvas.shape)
-    if not box.is_empty:
-        pixels = change_in_pose(*posed, share, box) if share else posed[0].draw_part(box)
-        draw_pixels(canvas[box.slices], pixels)
-    return box
-
-
-def _draw_turned(
-    canvas: Image, x_px: float, y_px: float, fish: TurnedPicture, other: TurnedPicture, share: float
-) -> Box:
-    """Draw a turned picture on a canvas, which changes; return its box.
-
-    x_px, y_px: of the mass centre; other: the picture that `fish` replaces, of which the share
-    `share`, 0 … 1, is left.
-    """
-    visible = [picture for picture, w in ((fish, 1 - share), (other, share)) if w > 0]
-    boxes = (picture.box_at(x_px, y_px) for picture in visible)
-    box = Box.enclose(boxes).clip_to(canvas.shape)
-    if not box.is_empty:
-        draw_layers(canvas, box, fish.layer_at(x_px, y_px), other.layer_at(x_px, y_px), share)
-    return box
+                    _blend_pixel(pixel, 1, green, alpha, empty, alive, light[1])
+                    _blend_pixel(pixel, 2, blue, alpha, empty, alive, light[2])
 
 
 @kernel
-def draw_pixels(canvas, drawn):  # type: ignore[no-untyped-def]
+def draw_pixels(canvas, drawn, ground):  # type: ignore[no-untyped-def]
     """Draw a picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3), which is changed.
 
     drawn: premultiplied by alpha, its last channel; grey is drawn in all channels of a canvas.
+    ground: the tank beneath, of the canvas's size.
     """
+    still, shown, light = ground
     height, width, channels = canvas.shape
     opacity = drawn.shape[2] - 1
     for y in range(height):
         for x in range(width):
             alpha = drawn[y, x, opacity]
             if alpha > 0:  # an empty pixel keeps its value
-                through = np.float32(1) - alpha
                 for k in range(channels):
                     level = np.float32(255) * drawn[y, x, min(k, opacity - 1)]
-                    level += through * np.float32(canvas[y, x, k])
-                    canvas[y, x, k] = np.uint8(level + np.float32(0.5))
+                    _blend_pixel(
+                        canvas[y, x], k, level, np.float32(255) * alpha, still[y, x], shown[y, x],
+                        light[k],
+                    )  # fmt: skip
