@@ -9,7 +9,7 @@ import pytest
 from finloop.drawn.carp.film import carp_motion, draw_fish_alone, empty_tank, film_frames
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract.background import Scene, match_scene_to_light
-from finloop.extract.matte import RESIDUE_PX, cut_with_residue, drop_residue, one_piece
+from finloop.extract.matte import cut_with_residue, drop_residue, one_piece, residue_width
 from finloop.extract.samples import measure_edge_width
 from finloop.extract.segment import (
     SilhouetteEdge,
@@ -153,7 +153,7 @@ def test_a_cut_out_on_its_own_tank_gives_the_film_back_with_the_shadow_around_th
     film, tank, alpha, distance = filmed_disc()
     cutout = cut_with_residue(alpha, film, tank, np.ones(1), 0.3)
     drawn = draw(cutout, tank)
-    near = distance < 20 + RESIDUE_PX - 2
+    near = distance < 20 + residue_width(40) - 2
     assert np.abs(drawn - film[..., 0])[near].max() < 1.1
     assert np.abs(draw(premultiply_cutout(film, tank, alpha), tank) - film[..., 0]).max() > 4
     assert cutout[distance > 22, 1].max() < 26  # the shadow is faint, and

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats, Picture
+from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.light import BLACK, WHITE
 
-_PIXELS = 1500  # pixels of a frame that are compared
+_PIXELS = 1500  # pixels of a frame that are compared, to find the tank
+_MANY = 12_000  # pixels of the tank whose sum tells the light
 _LEAST_LIT = 0.2  # share of the picture; of less, on a black floor, animals are the most
 _ROUNDS = 3  # rounds of leaving out pixels that are not tank
 _SIGMAS = 3.0  # standard deviations of the difference from which a pixel is an animal
@@ -17,6 +19,8 @@ _WINDOW = 256  # frames of a spectrum
 _FINER = 8  # the spectrum's bins between two that are independent
 _PEAK = 0.5  # least share of the flicker's power in one peak that gives it a frequency
 
+Levels = NDArray[np.float32]
+
 
 def measure_gain(frame: Picture, tank: Picture) -> Floats:
     """Return a frame's brightness divided by that of the empty tank, per channel: (1,) or (3,).
@@ -24,8 +28,8 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
     It is a ratio of sums over the pixels that show the tank in both pictures and are neither black
     nor white; NaN if these are less than a fifth. frame, tank: (h, w[, 3]).
     """
-    frame_levels, tank_levels = _sample_pixels(frame), _sample_pixels(tank)
-    lit = ((tank_levels > BLACK) & (tank_levels < WHITE) & (frame_levels < WHITE)).all(axis=1)
+    frame_levels, tank_levels = _sample_pixels(frame, _PIXELS), _sample_pixels(tank, _PIXELS)
+    lit = _find_lit(frame_levels, tank_levels)
     if lit.mean() < _LEAST_LIT:
         return np.full(tank_levels.shape[1], np.nan)
     frame_levels, tank_levels = frame_levels[lit], tank_levels[lit]
@@ -33,15 +37,27 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
     for _ in range(_ROUNDS):  # leave out the pixels that an animal covers
         difference = np.abs(frame_levels - gain * tank_levels).max(axis=1)
         # 1.4826 × the median absolute value is the standard deviation of normal noise.
-        is_tank = difference <= max(1.0, _SIGMAS * 1.4826 * float(np.median(difference)))
+        limit = max(1.0, _SIGMAS * 1.4826 * float(np.median(difference)))
+        is_tank = difference <= limit
         gain = frame_levels[is_tank].sum(axis=0) / tank_levels[is_tank].sum(axis=0)
-    return np.asarray(np.where(gain > 0, gain, 1.0))
+    # The last time of many more pixels: the grain of a few is more than what light changes.
+    frame_levels, tank_levels = _sample_pixels(frame, _MANY), _sample_pixels(tank, _MANY)
+    is_tank = _find_lit(frame_levels, tank_levels)
+    is_tank &= (np.abs(frame_levels - np.float32(gain) * tank_levels) <= limit).all(axis=1)
+    gain = (is_tank @ frame_levels) / np.maximum(is_tank @ tank_levels, 1)
+    return np.where(gain > 0, gain, 1.0).astype(np.float64)
 
 
-def _sample_pixels(picture: Picture) -> Floats:
-    """Return about 1500 evenly spread pixels of a picture, (n, channels)."""
-    step = max(1, round((picture.shape[0] * picture.shape[1] / _PIXELS) ** 0.5))
-    sample = picture[::step, ::step].astype(np.float64)
+def _find_lit(frame_levels: Levels, tank_levels: Levels) -> Mask:
+    """Return a mask (n,) of pixels (n, channels) that are neither black nor white."""
+    lit = (tank_levels > BLACK) & (tank_levels < WHITE) & (frame_levels < WHITE)
+    return np.asarray(lit.all(axis=1))
+
+
+def _sample_pixels(picture: Picture, count: int) -> Levels:
+    """Return about `count` evenly spread pixels of a picture, (n, channels)."""
+    step = max(1, round((picture.shape[0] * picture.shape[1] / count) ** 0.5))
+    sample = picture[::step, ::step].astype(np.float32)
     return sample.reshape(sample.shape[0] * sample.shape[1], -1)
 
 

@@ -33,11 +33,15 @@ _ADDED = 1.05
 _WIDTH_PER_SD = sqrt(2 * np.pi)  # contrast over the steepest slope of a Gaussian edge
 _STEPS, _REACH = 8, 8  # bounds per px of distance, px from the outline that they reach
 _VISIBLE = 26  # alpha of a tenth: a part of less is hardly seen
-RESIDUE_PX = 8  # from the visible cut-out to where its residue ends: a block of most codecs
-_FADE_PX = 3  # over which it fades out there
+_BLOCK_PX = 8  # least width of a residue: a block of most codecs
+_SHADOW_BL = 0.15  # of the animal's length: how far its shadow may reach
+_FADE = 0.375  # share of its width over which a residue fades out
 _POWER_PX = 5  # side of the square in which the power of a difference is measured
 _MOSTLY_GRAIN = 0.5  # share of the power from which a difference counts as grain alone
-_FAR_PX = 3  # from the cut-out; what differs there by far more than a residue is another animal
+_FAR_PX = 3  # from the cut-out; what differs there as an animal does is another one
+_AS_FISH = (
+    0.5  # share of the animal's own difference from the tank from which it does; a shadow less
+)
 _FEWEST = 50  # pixels of the tank that tell the light beside a fish
 _BRIDGE = 5  # px, side of the closing that bridges gaps of up to four pixels
 
@@ -145,15 +149,21 @@ def _bridge_gaps(alpha: Picture, visible: Picture) -> Picture:
     return bridged
 
 
+def residue_width(length_px: float) -> int:
+    """Return how far [px] the residue around an animal of a length [px] reaches."""
+    return max(_BLOCK_PX, round(_SHADOW_BL * length_px))
+
+
 def cut_with_residue(
     alpha: Picture, film: Picture | NDArray[np.float32], tank: Picture, gains: Floats,
-    grain_grey: float,
+    grain_grey: float, width_px: int = _BLOCK_PX,
 ) -> Picture:  # fmt: skip
     """Return a fish cut out of a frame, in even light, with the faint residue around it.
 
-    alpha: (h, w), with a rim of RESIDUE_PX of the tank; film: (h, w[, k]), as filmed; tank: (h, w[,
-    k]), empty, in even light; gains: (k,), of the light of the frame; grain_grey: SD of film less
-    tank where no animal is. The result (h, w, k + 1) uint8 is premultiplied, alpha last.
+    alpha: (h, w), with a rim of the tank; film: (h, w[, k]), as filmed; tank: (h, w[, k]), empty,
+    in even light; gains: (k,), of the light of the frame; grain_grey: SD of film less tank where no
+    animal is; width_px: of the rim (`residue_width`). The result (h, w, k + 1) uint8 is
+    premultiplied, alpha last.
 
     The light is that beside the fish, which can differ a little from that of the whole frame. On
     its own still tank the result gives the film back, grain included, where the fish is and where
@@ -163,12 +173,16 @@ def cut_with_residue(
     shape = (*alpha.shape, len(gains))
     film, tank = (np.ascontiguousarray(picture).reshape(shape) for picture in (film, tank))
     distance = cv2.distanceTransform((alpha == 0).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
-    change, squared, opacity = _change_beside(alpha, film, tank, gains, grain_grey)
+    is_near = (distance <= width_px / 2).view(np.uint8)  # a shadow there tells no light
+    change, squared, opacity = _change_beside(is_near, film, tank, gains, grain_grey)
     power = cv2.blur(squared, (_POWER_PX, _POWER_PX))
     is_strong = squared > 16 * grain_grey**2  # on a black or white tank, grain alone is opaque
-    other = (is_strong & (opacity >= _VISIBLE) & (distance > _FAR_PX)).view(np.uint8)
+    fish = opacity[alpha == 255]
+    like_fish = max(_AS_FISH * float(fish.mean()), _VISIBLE) if len(fish) else _VISIBLE
+    other = (is_strong & (opacity >= like_fish) & (distance > _FAR_PX)).view(np.uint8)
     other = cv2.dilate(other, np.ones((2 * _FAR_PX + 1,) * 2, np.uint8))
-    return _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_grey)
+    fade = np.clip((width_px + 1 - distance) / (_FADE * width_px), 0, 1)
+    return _keep_residue(alpha, tank, change, power, opacity, other, fade, grain_grey)
 
 
 def drop_residue(pixels: Picture) -> Picture:
@@ -183,10 +197,10 @@ def drop_residue(pixels: Picture) -> Picture:
 
 # These kernels go through a row once for each channel: grey pixels are then worked on in parallel.
 @finite_kernel
-def _light_beside(alpha, film, tank, light, grain_grey):  # type: ignore[no-untyped-def]
+def _light_beside(is_near, film, tank, light, grain_grey):  # type: ignore[no-untyped-def]
     """Return the tank's level over the film's beside a fish, (k,) float32; `light` if none is seen.
 
-    alpha, film, tank, grain_grey: as in `_change_beside`; light (k,): a first estimate, by which
+    is_near, film, tank, grain_grey: as in `_change_beside`; light (k,): a first estimate, by which
     pixels count as the tank.
     """
     height, width, channels = film.shape
@@ -195,7 +209,7 @@ def _light_beside(alpha, film, tank, light, grain_grey):  # type: ignore[no-unty
     most = np.empty(width, np.float32)
     for y in range(height):
         for x in range(width):
-            most[x] = np.float32(alpha[y, x]) * np.float32(256)
+            most[x] = np.float32(is_near[y, x]) * np.float32(256)
         for k in range(channels):
             gain = light[k]
             for x in range(width):
@@ -220,17 +234,17 @@ def _light_beside(alpha, film, tank, light, grain_grey):  # type: ignore[no-unty
 
 
 @finite_kernel
-def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-untyped-def]
+def _change_beside(is_near, film, tank, gains, grain_grey):  # type: ignore[no-untyped-def]
     """Return film less tank in the light beside a fish, its square, and the alpha that shows it.
 
-    alpha: (h, w); film, tank: (h, w, k); gains: (k,). The change is (h, w, k), its mean square (h,
-    w), and the alpha (h, w), which is 255 or more where nothing of the tank is seen: all float32.
-    grain_grey: standard deviation of the film's noise.
+    is_near (h, w): not 0 at the fish; film, tank: (h, w, k); gains: (k,); grain_grey: standard
+    deviation of the film's noise. The change is (h, w, k), its mean square (h, w), and the alpha
+    (h, w), which is 255 or more where nothing of the tank is seen: all float32.
     """
     height, width, channels = film.shape
     light = (1 / gains).astype(np.float32)
     for _ in range(2):  # the first time, the choice of pixels leans to the light of the whole frame
-        light = _light_beside(alpha, film, tank, light, grain_grey)
+        light = _light_beside(is_near, film, tank, light, grain_grey)
     change = np.empty(film.shape, np.float32)
     squared, opacity = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     for y in range(height):
@@ -247,21 +261,20 @@ def _change_beside(alpha, film, tank, gains, grain_grey):  # type: ignore[no-unt
 
 
 @finite_kernel
-def _keep_residue(alpha, tank, change, power, opacity, other, distance, grain_grey):  # type: ignore[no-untyped-def]
+def _keep_residue(alpha, tank, change, power, opacity, other, fade, grain_grey):  # type: ignore[no-untyped-def]
     """Return a cut-out (h, w, k + 1) uint8, premultiplied: the change that is no grain, over alpha.
 
     alpha (h, w), tank (h, w, k); change, opacity: from `_change_beside`; power: mean square of the
-    change around a pixel; other: not 0 near another animal; distance: px to the fish; grain_grey:
-    standard deviation of the film's noise, grey levels.
+    change around a pixel; other: not 0 near another animal; fade (h, w): share of the change that
+    is kept, 0 … 1; grain_grey: standard deviation of the film's noise, grey levels.
     """
     height, width, channels = change.shape
     result = np.empty((height, width, channels + 1), np.uint8)
     share, opaque = np.empty(width, np.float32), np.empty(width, np.float32)
-    of_grain, one = np.float32(grain_grey**2), np.float32(1)
+    of_grain = np.float32(grain_grey**2)
     for y in range(height):
         for x in range(width):
-            fade = (np.float32(RESIDUE_PX + 1) - distance[y, x]) / np.float32(_FADE_PX)
-            shown = min(max(fade, np.float32(0)), one)
+            shown = np.float32(fade[y, x])
             is_grain = of_grain > np.float32(_MOSTLY_GRAIN) * power[y, x]
             if is_grain | ((other[y, x] > 0) & (alpha[y, x] == 0)):
                 shown = np.float32(0)

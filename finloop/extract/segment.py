@@ -10,6 +10,7 @@ be in the silhouette of some frames only, and the backbone long in one frame and
 Where that is so, thin parts get a lower threshold.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -30,7 +31,7 @@ from finloop.extract.backbone import (
 )
 from finloop.extract.background import Scene, difference_image
 from finloop.extract.fins import Fins, PalePixels, add_fins_to_alpha
-from finloop.extract.matte import RESIDUE_PX, cut_with_residue, one_piece, soft_edge
+from finloop.extract.matte import cut_with_residue, one_piece, residue_width, soft_edge
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
@@ -346,15 +347,17 @@ def _cut_out(
     if scene.gains is None or scene.even is None:
         window = np.s_[top:bottom, left:right]
         return premultiply_cutout(frame[window], scene.background[window], alpha), corner
-    before = min(RESIDUE_PX, top), min(RESIDUE_PX, left)
-    after = min(RESIDUE_PX, len(frame) - bottom), min(RESIDUE_PX, frame.shape[1] - right)
+    width_px = residue_width(math.hypot(*alpha.shape))
+    before = min(width_px, top), min(width_px, left)
+    after = min(width_px, len(frame) - bottom), min(width_px, frame.shape[1] - right)
     alpha = cv2.copyMakeBorder(
         alpha, before[0], after[0], before[1], after[1], cv2.BORDER_CONSTANT, value=0
     )
     top, left = top - before[0], left - before[1]
     window = np.s_[top : top + alpha.shape[0], left : left + alpha.shape[1]]
     film, tank = frame[window], scene.even[window]
-    return cut_with_residue(alpha, film, tank, scene.gains, scene.grain), (left, top)
+    cutout = cut_with_residue(alpha, film, tank, scene.gains, scene.grain, width_px)
+    return cutout, (left, top)
 
 
 @kernel
