@@ -23,7 +23,8 @@ class CostWeights(NamedTuple):
     fast_px: px that a fast fish of the film swims in a tick; turn_deg: degrees that a fish turns
     for the cost of a tick; stride: ticks between two checks of a branch, at which it may jump;
     beam: branches followed at once; seam: cost of a jump of one natural step; repeat: cost of a row
-    just seen; memory: ticks until a row on screen is forgotten.
+    just seen; memory: ticks until a row on screen is forgotten; retry_beam: branches followed in a
+    second search, where the first left some out and none of its branches leads on.
     """
 
     fast_px: float
@@ -33,6 +34,7 @@ class CostWeights(NamedTuple):
     seam: float
     repeat: float
     memory: float
+    retry_beam: int = 0
 
 
 @leaf_kernel

@@ -434,19 +434,16 @@ class Planner:
         """Return the cheapest plan from the candidates of a search; None where no row can be shown.
 
         source: the motion source of the candidates. The beam is narrow for a fish that wanders or
-        has others near it. Where one that wanders alone finds no branch that leads on, but branches
-        were dropped from the beam, the search is repeated with the whole beam.
+        has others near it. For one that wanders alone, the search is repeated with the whole beam
+        where none of the branches leads on, which are much alike and may all run into one wall.
         """
-        is_alone, on_path = not start.obstacles.near_count, len(objective.route.x) > 0
-        wanders = objective.aim.free and not on_path
-        weights = self._narrow_weights if wanders or not is_alone else self._weights
+        weights = self._weights
+        if start.obstacles.near_count:
+            weights = self._narrow_weights
+        elif objective.aim.free and not len(objective.route.x):
+            weights = self._narrow_weights._replace(retry_beam=self._weights.beam)
         horizon = self._ticks_between_searches(objective) + self._look_ahead_ticks
         outcomes, rows = beam_search(source.graph, candidates, start, objective, weights, horizon)
-        if wanders and is_alone and outcomes.displaced.any() and np.isinf(outcomes.costs).all():
-            # The cheapest branches are much alike, and may all run into one wall.
-            outcomes, rows = beam_search(
-                source.graph, candidates, start, objective, self._weights, horizon
-            )
         if not len(rows):
             return None
         first_rows, ticks = rows.tolist(), source.graph.nodes["leg"][rows].tolist()

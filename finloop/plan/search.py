@@ -239,7 +239,8 @@ def beam_search(
     route. A branch that costs as much as a finished one of its candidate is dropped: what it has to
     come is estimated, so this may lose a cheaper one. The rows (l,) are the first of each leg of
     the best branch. Where no branch leads on, they are those of the cheapest of the branches that
-    came farthest.
+    came farthest. If branches were left out, the search is then repeated with
+    `CostWeights.retry_beam`.
     """
     route, most_ticks = objective.route, horizon_ticks
     due_points = points_due(route, start.tick, horizon_ticks + objective.steering.reach + 1)
@@ -248,16 +249,34 @@ def beam_search(
     search = Search(
         graph, start, objective, weights, most_ticks, due_points, index_memory(start.recent)
     )
-    most_legs = most_ticks + 1  # each has a tick at least; only legs that begin use memory
-    beam, outcomes, branch_count = _start_beam(search, candidates, most_legs)
+    beam_width = weights.beam
+    while True:
+        outcomes, rows = _follow_branches(search, candidates, beam_width)
+        leads_on, was_narrow = False, False
+        for k in range(outcomes.costs.size):
+            leads_on = leads_on or outcomes.costs[k] < np.inf
+            was_narrow = was_narrow or outcomes.displaced[k]
+        if leads_on or not was_narrow or beam_width >= weights.retry_beam:
+            return outcomes, rows
+        beam_width = weights.retry_beam
+
+
+@kernel_part
+def _follow_branches(search, candidates, beam_width):  # type: ignore[no-untyped-def]
+    """Return the outcome of every candidate (k,), and the rows of the best branch, of one search.
+
+    search: `Search`; candidates: `Candidates`; beam_width: branches followed at once.
+    """
+    most_legs = search.horizon + 1  # each has a tick at least; only legs that begin use memory
+    beam, outcomes, branch_count = _start_beam(search, candidates, beam_width, most_legs)
     best, leg = BestBranch(np.inf, 0, 0), np.int64(0)
     while branch_count and leg < most_legs:
         extension_count, best = _extend_branches(search, beam, branch_count, leg, outcomes, best)
         leg += 1
         if extension_count == 0 and best.legs == 0:  # no branch leads on: the cheapest of the last
             cheapest = np.argmin(beam.branches["cost"][:branch_count])
-            best = BestBranch(np.inf, leg - 1, beam.parents[leg - 1, cheapest])  # type: ignore[arg-type]
-        beam = start_next_leg(search, beam, extension_count, leg)  # type: ignore[arg-type]
+            best = BestBranch(np.inf, leg - 1, beam.parents[leg - 1, cheapest])
+        beam = start_next_leg(search, beam, extension_count, leg)
         branch_count = extension_count
     for k in range(outcomes.displaced.size):  # not if a branch of the candidate reached the end
         outcomes.displaced[k] = outcomes.displaced[k] and outcomes.costs[k] == np.inf
@@ -267,14 +286,14 @@ def beam_search(
 
 
 @kernel_part
-def _start_beam(search, candidates, most_legs):  # type: ignore[no-untyped-def]
+def _start_beam(search, candidates, most_branches, most_legs):  # type: ignore[no-untyped-def]
     """Begin a branch with each candidate that fits; return the beam, outcomes, and branch count.
 
     A candidate fits if its row is inside the tank, clear of other fish, and the film can play on
-    from it for ever. search: `Search`; candidates: `Candidates`; most_legs: legs for which the beam
-    has memory.
+    from it for ever. search: `Search`; candidates: `Candidates`; most_branches: followed at once;
+    most_legs: legs for which the beam has memory.
     """
-    graph, start, most_branches = search.graph, search.start, search.weights.beam
+    graph, start = search.graph, search.start
     count, branch_count = candidates.rows.size, 0
     capacity = max(most_branches, count)
     beam = Beam(

@@ -95,8 +95,17 @@ def fits_in_tank(bounds: Bounds, picture: int, x: float, y: float, heading: floa
         return True
     if bounds.discs.table.shape[0] == 0:  # without discs only roomy places count
         return False
-    too_near_px, _disc_x, _disc_y = _worst_wall_overlap(bounds, picture, x, y, heading)
-    return too_near_px <= 0.0
+    # From the head, which meets a wall first, until a disc is too near to the wall.
+    number, side, cos, sin = disc_orientation(bounds.discs, picture, heading)
+    table, depth = bounds.discs.table, bounds.depth
+    for i in range(table.shape[1] - 1, -1, -1):
+        ahead, left = table[number, i, 0], side * table[number, i, 1]
+        column, row = round(x + ahead * cos - left * sin), round(y - ahead * sin - left * cos)
+        if not (0 <= row < depth.shape[0] and 0 <= column < depth.shape[1]):
+            return False
+        if table[number, i, 2] + _MARGIN_PX > depth[row, column]:
+            return False
+    return True
 
 
 @leaf_kernel
