@@ -86,6 +86,10 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
             warm_up_paths(players["matching"])
         default_count = 1 if mode in ONE_FISH else min(load_settings("matching").fish, MOST_FISH)
         fish_count_wanted = fish_count or default_count
+        # A goal in another tank loads the compiled functions of a reaction before a user waits.
+        rehearsal = LiveTank(players, mode, 1, seed)
+        rehearsal.send_to_goal(0, 0.0, 0.0)
+        rehearsal.advance()
         tank = LiveTank(players, mode, fish_count_wanted, seed, is_ghost)
         if len(tank.fish) < fish_count_wanted:
             print(f"play: the tank has room for {len(tank.fish)} fish", file=sys.stderr)
