@@ -4,7 +4,9 @@
 frames in between: the exact share of pairs with only strictly simple frames; the processor time of
 a pair, the less of two; the vertices' path length, relative to the linear morph. The figures of
 other tools are earlier measurements on 276 such pairs. Regions are 300 random pairs of glyphs of
-three fonts that are in one piece, with holes in one of them at least.
+three fonts that are in one piece, with holes in one of them at least. Drawings are 300 random pairs
+of three to eight layers: glyphs, stars and waves. They have no fold if no contour meets itself or
+another one of its shape, and no pieces of one shape cover each other. Layers may pass over others.
 """
 
 from functools import partial
@@ -25,6 +27,7 @@ import pandas as pd
 
 from benchmarks.pipeline import write_table
 from finloop.base.arrays import Points
+from finloop.base.drawing import Drawing, Morph
 from finloop.curve.contour import Curve
 from finloop.curve.glyph import glyph_outlines
 from finloop.morph.folds import (
@@ -33,7 +36,13 @@ from finloop.morph.folds import (
     count_polygon_folds,
     stays_simple,
 )
-from finloop.morph.layers import PhysicalOptions, linear_morph, physical_morph
+from finloop.morph.layers import (
+    PhysicalOptions,
+    linear_morph,
+    morph_drawings,
+    physical_morph,
+)
+from finloop.morph.pairs import match_drawings
 from finloop.morph.regions import split_regions
 from finloop.morph.simple import (
     morph_regions_without_folds,
@@ -75,6 +84,83 @@ def random_regions() -> list[tuple[list[Curve], list[Curve]]]:
         (glyphs[rng.choice(with_holes)], glyphs[rng.integers(len(glyphs))])
         for _ in range(REGION_PAIRS)
     ]
+
+
+DRAWING_PAIRS, SIDE_PX = 300, 600.0  # of random drawings; the side of each
+
+
+def random_drawing_pairs(seed: int, pairs: int) -> list[tuple[Drawing, Drawing]]:
+    """Return random pairs of drawings of three to eight layers; six of ten pairs share their ids.
+
+    Each layer is a glyph (six of ten), a star of 5 to 39 points, or a wave, an open curve.
+    """
+    rng = np.random.default_rng(seed)
+
+    def random_layer() -> list[Curve]:
+        """Return the contours of a layer, at a random place, size and, of three in ten, angle."""
+        kind = rng.integers(10)
+        if kind < 6:
+            glyph = rng.choice(list(string.ascii_letters + string.digits + "&@#%äö!?"))
+            contours = glyph_outlines(glyph, rng.choice(FONTS))
+            corners = np.concatenate([curve.points for curve in contours])
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            contours = [
+                Curve((curve.points - (low + high) / 2) / (high - low).max(), True)
+                for curve in contours
+            ]
+        elif kind < 8:
+            count = rng.integers(5, 40)
+            angle = 2 * np.pi * (np.arange(count) + rng.uniform(0.1, 0.9, count)) / count
+            radius = rng.uniform(0.15, 0.5, count)
+            star = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+            contours = [Curve(star, True)]
+        else:
+            x = np.linspace(-0.5, 0.5, 30)
+            y = 0.2 * np.sin(rng.uniform(2, 9) * x + rng.uniform(0, 6))
+            contours = [Curve(np.stack([x, y], axis=1), False)]
+        turn = rng.uniform(0, 2 * np.pi) if rng.random() < 0.3 else 0.0
+        scale, place = rng.uniform(40, 220), rng.uniform(80, 520, 2)
+        rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        return [Curve(curve.points @ rotation * scale + place, curve.closed) for curve in contours]
+
+    def random_drawing(names: list[str]) -> Drawing:
+        """Return a drawing with a layer for each id."""
+        curves = {
+            f"{name}#{number}" if number > 1 else name: curve
+            for name in names
+            for number, curve in enumerate(random_layer(), start=1)
+        }
+        return Drawing(curves, SIDE_PX, SIDE_PX)
+
+    drawings = []
+    for _ in range(pairs):
+        names = [f"a{k}" for k in range(rng.integers(3, 9))]
+        others = names if rng.random() < 0.6 else [f"b{k}" for k in range(rng.integers(3, 9))]
+        drawings.append((random_drawing(names), random_drawing(others)))
+    return drawings
+
+
+def morph_pair(a: Drawing, b: Drawing) -> Morph:
+    """Return the fold-free morph between two drawings, whose shapes are paired first."""
+    first, second, _ = match_drawings(a, b)
+    return morph_drawings(first, second, "fold_free", FRAMES, POINTS)
+
+
+def drawings_row() -> dict[str, object]:
+    """Return a row of the table for drawings: the share of pairs without a fold, and their times.
+
+    Pieces of one shape that cover each other count as a fold.
+    """
+    milliseconds, free = [], 0
+    for a, b in random_drawing_pairs(0, DRAWING_PAIRS):
+        seconds, morph = measure_call(partial(morph_pair, a, b))
+        free += not (morph.count_fold_frames() or morph.count_cover_frames())
+        milliseconds.append(1000 * seconds)
+    return {
+        "what": "here: drawings of several layers", "pairs": DRAWING_PAIRS,
+        "simple_percent": 100 * free / DRAWING_PAIRS, "ms_mean": np.mean(milliseconds),
+        "ms_median": np.median(milliseconds), "ms_99": np.percentile(milliseconds, 99),
+    }  # fmt: skip
 
 
 Result = TypeVar("Result")
@@ -149,6 +235,7 @@ def main() -> None:
         result_row("here: simple, where linear is", [simple[k] for k in kept],
                    [lengths[k] for k in kept]),
         region_row(),
+        drawings_row(),
     ]  # fmt: skip
     rows += [
         {"what": f"measured elsewhere: {name}", "pairs": 276, "simple_percent": share}

@@ -7,10 +7,11 @@ import pytest
 
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
-from finloop.base.paint import group_contours, paint_layers
+from finloop.base.paint import group_contours, layers_by_shape, paint_layers
 from finloop.base.style import Paint
 from finloop.curve.contour import Curve, area_centroids, nearest_on_curve, signed_area
 from finloop.curve.glyph import glyph_outlines
+from finloop.morph.cover import find_covered_pieces, find_shifts
 from finloop.morph.folds import is_simple
 from finloop.morph.layers import morph_drawings
 from finloop.morph.match import Pins, match_any_curves, match_curves
@@ -150,21 +151,57 @@ def test_one_becomes_two_and_looks_as_drawn_at_both_ends(method):
             assert (off > 90).mean() < 5e-4  # neither a seam nor the line of a cut
 
 
-def test_pieces_that_cover_each_other_are_named():
+def test_pieces_that_cover_each_other_are_named_and_kept_apart():
     """They pass through each other, beside each other, or stay together along the cut."""
     left, right = ROUND * 2 + [20, 40], ROUND * 2 + [60, 40]
     cut = np.array([[[40, 20], [40, 60.0]]])
+    cuts, family = {"left": cut, "right": cut}, (("left", "right"),)
     for goals, is_named in (
         ((right, left), True), ((left - 10, right + 10), False), ((right, left + [0, 160]), False)
     ):  # fmt: skip
-        a = replace(
-            drawing(left=polygon(left), right=polygon(right)), cuts={"left": cut, "right": cut}
-        )
+        a = replace(drawing(left=polygon(left), right=polygon(right)), cuts=cuts, families=family)
         b = drawing(left=polygon(goals[0]), right=polygon(goals[1]))
         done = morph_drawings(a, b, "linear", 9, 64)
         assert sorted(done.count_cover_frames()) == ["left", "right"] * is_named
         assert not done.take_frames(np.array([0, -1])).covers.get("left", np.zeros(1)).any()
-        assert not morph_drawings(replace(a, cuts={}), b, "linear", 9, 64).covers
+        apart = morph_drawings(a, b, "fold_free", 9, 64)
+        assert not apart.covers and all(apart.continuous.values())
+        moved = [name for name in apart.layers if (apart.layers[name] != done.layers[name]).any()]
+        assert len(moved) == is_named  # one steps aside, and only if it must
+        layers = replace(a, families=())  # layers that are no pieces of one shape pass over others
+        assert not morph_drawings(layers, b, "linear", 9, 64).covers
+
+
+@pytest.mark.parametrize("glyphs", ["H%", "?C"])
+def test_pieces_of_a_glyph_step_aside(glyphs):
+    a, b = (
+        drawing(letter=[polygon(c.points / 12 + [20, 80]) for c in glyph_outlines(g)])
+        for g in glyphs
+    )
+    ends = pair_drawings(a, b, pair_shapes(a, b))
+    free, alone = (
+        morph_drawings(*(replace(end, families=known) for end in ends), "fold_free", 20, 64)
+        for known in (ends[0].families, ())
+    )
+    shapes = layers_by_shape(alone.layers)
+    contours = {name: [alone.layers[layer] for layer in names] for name, names in shapes.items()}
+    assert ends[0].families == (tuple(shapes),) and find_covered_pieces(contours, ends[0].families)
+    assert not free.covers and not free.count_fold_frames()
+
+
+def test_shifts_are_none_at_both_ends_and_where_nothing_is_covered():
+    tau = np.linspace(0, 1, 41)[:, None, None]
+    wide, small = SQUARE * [4, 4] - 20, SQUARE - 5
+    still = np.repeat(wide[None], 41, axis=0)
+    across = small + [80, 0] * (2 * tau - 1)  # from the left to the right, through the wide one
+    apart = [[still], [across + [0, 60]]]
+    assert not np.any(find_shifts(apart))
+    stays, shift = find_shifts([[still], [across]])
+    assert not stays.any() and not shift[[0, -1]].any()
+    steps = np.hypot(*np.diff(shift, axis=0).T)
+    reach = np.hypot(*shift.T)
+    assert 20 < reach.max() < 40 and steps.max() < 0.25 * reach.max()  # it clears the edge steadily
+    assert np.linalg.matrix_rank(shift, tol=1e-6 * reach.max()) == 1  # in one direction
 
 
 @pytest.mark.parametrize("turn", range(0, 48, 12))

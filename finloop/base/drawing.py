@@ -37,6 +37,8 @@ class Drawing:
     pins: dict[str, Points] = field(default_factory=dict)
     # by id: ends (k, 2, 2) of the edges where a shape was cut into pieces, which no line shows
     cuts: dict[str, Points] = field(default_factory=dict)
+    # ids of the shapes that are pieces of one shape, in this drawing or the one that it becomes
+    families: tuple[tuple[str, ...], ...] = ()
     # ids of shapes whose fill-rule paints areas that the even-odd rule, which is used, leaves out
     unpainted: tuple[str, ...] = ()
 
@@ -98,8 +100,8 @@ class Morph:
     width: float  # of the picture
     height: float
     decimals: int  # digits after the point that coordinates have
-    # (f,) by id: whether this piece of a cut shape and another piece cover each other; those that
-    # never do are left out
+    # (f,) by id: whether this piece of a cut shape and another one of that shape cover each other;
+    # those that never do are left out
     covers: dict[str, Mask] = field(default_factory=dict)
 
     @property

@@ -20,7 +20,7 @@ from finloop.base.style import Gradient, Paint, mix_paints, move_paint, scale_pa
 from finloop.curve.contour import Curve, nearest_on_curve
 from finloop.curve.dynamics import Material, Problem, solve_motion
 from finloop.curve.wavelet import close_by_mirroring
-from finloop.morph.cover import find_covered_pieces
+from finloop.morph.cover import find_covered_pieces, find_shifts
 from finloop.morph.folds import (
     ContourLayout,
     contours_stay_simple,
@@ -80,9 +80,9 @@ def morph_drawings(
 
     a, b: with shapes of the same ids. An open contour may become a closed one, and holes may
     differ, but not the number of separate parts. method: one of METHODS; `fold_free` keeps every
-    contour free of folds, and every region free of crossings. frames: their number, at least 2,
-    both ends included. points: of every contour, at least 8; a power of two for `physical`, and
-    with a level.
+    contour free of folds, every region free of crossings, and pieces of one shape apart, as far as
+    `find_shifts` can. frames: their number, at least 2, both ends included. points: of every
+    contour, at least 8; a power of two for `physical`, and with a level.
     resolution: of every contour, also in both ends. physics: settings of the physical morph.
     FinloopError if the drawings do not match, a number is out of range, or the method cannot morph
     a contour, which the message names.
@@ -113,6 +113,18 @@ def morph_drawings(
             _require_near(shape, stack, side)
             name = f"{shape}{PART}{number}" if number > 1 else shape
             layers[name], closed[name] = stack, is_closed
+    shapes = layers_by_shape(layers)
+    families = [
+        [name for name in family if all(closed[layer] for layer in shapes[name])]
+        for family in a.families
+    ]
+    families = [family for family in families if len(family) > 1]
+    if method == "fold_free":
+        for family in families:
+            pieces = [[layers[layer] for layer in shapes[name]] for name in family]
+            for name, shift in zip(family, find_shifts(pieces), strict=True):
+                for layer in shapes[name]:
+                    layers[layer] = layers[layer] + shift[:, None]
     for drawing, end in ((a, 0), (b, -1)):
         for name, cuts in drawing.cuts.items():
             layers[name] = np.roll(layers[name], -_find_start(layers[name][end], cuts), axis=1)
@@ -121,11 +133,7 @@ def morph_drawings(
     ends = [{name: stack[end] for name, stack in layers.items()} for end in (0, -1)]
     styles = mix_styles(a, b, tau, layers, ends)
     covers = find_covered_pieces(
-        {
-            shape: [layers[name] for name in names]
-            for shape, names in layers_by_shape(layers).items()
-        },
-        [a.cuts, b.cuts],
+        {shape: [layers[name] for name in names] for shape, names in shapes.items()}, families
     )
     return replace(build_morph(a, tau, layers, styles, digits, closed=closed), covers=covers)
 

@@ -393,6 +393,7 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
         merged.setdefault(other, []).append(name)
     order = list(first), list(second)
     placed = list[tuple[list[int], _Row]]()  # with their places in either drawing
+    families = list[tuple[str, ...]]()
     for name, contours in first.items():
         others = (
             pairing.splits.get(name) or [pairing.pairs[name]] if name not in pairing.vanish else []
@@ -402,7 +403,7 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
         elif (
             others[0] not in merged or merged[others[0]][0] == name
         ):  # all of one shape at its first
-            names = merged.get(others[0], [name])
+            names, before = merged.get(others[0], [name]), len(placed)
             for row in _join_shapes((a, names), (b, others)):
                 used = {*(other.name for _, other in placed), *(first.keys() - set(names))}
                 places = [
@@ -412,6 +413,7 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
                     )
                 ]
                 placed.append((places, row._replace(name=_unused_name(row.name, used))))
+            families.append(tuple(row.name for _, row in placed[before:]))
     rows = [row for _, row in sorted(placed, key=lambda item: item[0])]
     below: str | None = None  # the shape below in the second drawing
     for other in second:
@@ -424,7 +426,9 @@ def pair_drawings(a: Drawing, b: Drawing, pairing: Pairing) -> tuple[Drawing, Dr
             rows.insert(at, _Row(name, (None, other), ((), second[other])))
         below = other
     pins = _pins_by_row(a, b, rows)
-    return _take_side(a, b, rows, 0, pins), _take_side(b, a, rows, 1, pins)
+    cut = tuple(family for family in families if len(family) > 1)
+    first_side, second_side = _take_side(a, b, rows, 0, pins), _take_side(b, a, rows, 1, pins)
+    return replace(first_side, families=cut), replace(second_side, families=cut)
 
 
 def _pins_by_row(a: Drawing, b: Drawing, rows: Sequence[_Row]) -> dict[str, Pins]:

@@ -297,7 +297,7 @@ def _frames_along_path(poses: Points, frames: int, layout: ContourLayout) -> Poi
     stack = (1 - share) * poses[last] + share * poses[last + 1]
     stack[0], stack[-1] = poses[0], poses[-1]
     for width in SMOOTHING:
-        smooth = _smooth_in_time(stack, width * frames)
+        smooth = smooth_in_time(stack, width * frames)
         smooth[0], smooth[-1] = poses[0], poses[-1]
         if contours_stay_simple(smooth, layout):
             stack = smooth
@@ -371,7 +371,7 @@ def _spread(values: Floats, width: float, mode: str) -> Floats:
     return np.minimum(1.0, np.sqrt(2 * np.pi) * width * spread)
 
 
-def _smooth_in_time(stack: Points, width: float) -> Points:
+def smooth_in_time(stack: Points, width: float) -> Points:
     """Return the frames (f, n, 2) of a motion smoothed by a Gaussian in time; both ends stay.
 
     width: its standard deviation in frames.
