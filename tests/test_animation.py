@@ -17,10 +17,11 @@ from PIL import Image
 from rlottie_python import LottieAnimation
 
 import finloop.io.animation
-from finloop.base.drawing import Morph
+from finloop.base.drawing import Curve, Morph
 from finloop.base.errors import FinloopError
 from finloop.base.paint import Shape, group_contours, paint_layers
 from finloop.base.style import Gradient, Paint, Stop, mix_paints
+from finloop.curve.contour import nearest_on_curve
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.svg import load_svg
 
@@ -219,14 +220,51 @@ def test_lottie_keeps_layers_and_vertices(tmp_path):
     assert items.keys() == morph.layers.keys()
     for name, item in items.items():
         keys = item["ks"]["k"]
-        assert [key["t"] for key in keys] == list(range(FRAMES))
+        assert [key["t"] for key in keys] == [0, FRAMES - 1]  # all points move evenly
         assert "i" not in keys[-1]
-        for key, points in zip(keys, morph.layers[name], strict=True):
+        for key, points in zip(keys, morph.layers[name][[0, -1]], strict=True):
             (value,) = key["s"]
             assert value["c"] == morph.closed[name]
-            assert len(value["i"]) == len(value["o"]) == len(points)
+            assert len(value["i"]) == len(value["o"]) == len(value["v"]) <= len(points)
             assert not np.any(value["i"])
-            np.testing.assert_array_equal(value["v"], points)
+            assert_same_line(value["v"], points, 0.12)  # 1/1000 of 120 px
+    line = next(layer for layer in items.values() if layer["nm"] == NASTY)
+    assert len(line["ks"]["k"][0]["s"][0]["v"]) < 16  # a straight line needs no points within
+
+
+def assert_same_line(points, whole, most):
+    """Every point of `whole` (n, 2) is at most so far from the closed or open line of `points`."""
+    _, gaps = nearest_on_curve(np.asarray(whole), Curve(np.asarray(points, float), len(points) > 2))
+    assert np.hypot(*gaps.T).max() <= most
+
+
+def test_lottie_keeps_the_frames_and_points_that_it_needs(tmp_path):
+    """Between keyframes and points, what a player shows is off by 1/1000 of the side at most."""
+    tau = np.linspace(0, 1, 61)
+    shake = 10 * np.sin(4 * tau)[:, None, None] * [1, 0]
+    wobble = np.stack([ring(60, 40, 20 + 12 * np.sin(3 * t), 200) for t in tau]) + shake
+    dot = np.repeat(ring(5, 5, 1e-4, 200)[None], 61, axis=0)
+    base = a_morph(61)
+    morph = replace(
+        base, layers={"ring": wobble, "dot": dot}, closed={"ring": True, "dot": True},
+        styles={"ring": tuple(replace(RED, fill=(round(255 * t), 0, 0)) for t in tau)}, decimals=6,
+    )  # fmt: skip
+    path = save_morph(tmp_path, ".lottie.json", morph)
+    layers = {
+        layer["nm"]: layer["shapes"][0]["it"] for layer in json.loads(path.read_text())["layers"]
+    }
+    assert len(layers["dot"][0]["ks"]["k"][0]["s"][0]["v"]) == 3
+    keys = layers["ring"][0]["ks"]["k"]
+    times, shapes = [key["t"] for key in keys], np.array([key["s"][0]["v"] for key in keys])
+    assert len(times) < 30 and shapes.shape[1] < 150 and path.stat().st_size < 90_000
+    for frame in range(61):
+        x, y = (
+            [np.interp(frame, times, shapes[:, k, axis]) for k in range(shapes.shape[1])]
+            for axis in (0, 1)
+        )
+        assert_same_line(np.stack([x, y], axis=1), wobble[frame], 1.1 * 0.12)
+    (fill,) = (item for item in layers["ring"] if item["ty"] == "fl")
+    assert [key["t"] for key in fill["c"]["k"]] == [0, 60]  # evenly, but for whole levels
 
 
 def lottie_items(tmp_path, paints):
@@ -269,7 +307,10 @@ def test_frames_may_have_more_dashes_than_others(tmp_path):
     (ring_layer,) = (layer for layer in told["layers"] if layer["nm"] == "ring")
     (stroke,) = (item for item in ring_layer["shapes"][0]["it"] if item["ty"] == "st")
     keys = [part["v"]["k"] for part in stroke["d"][:4]]
-    shown = [[key[frame]["s"][0] for key in keys] for frame in range(3)]
+    shown = [
+        [np.interp(frame, [k["t"] for k in key], [k["s"][0] for k in key]) for key in keys]
+        for frame in range(3)
+    ]
     assert shown == [[6, 3, 5, 2], [6, 3, 6, 3], [9, 0, 7, 0]]
     svg = save_morph(tmp_path, ".svg", morph).read_text()
     assert 'values="6000 3000 5000 2000;6000 3000 6000 3000;9000 0 7000 0;' in svg  # 1/1000 px

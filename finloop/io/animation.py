@@ -1,13 +1,14 @@
 """Morphs as files, by their ending: animated SVG, WebP, MP4, plain JSON, Lottie JSON, Spine JSON.
 
-A file appears under its name when it is complete. SVG, plain and Lottie JSON hold the
-morph's numbers digit for digit, so the frames have exactly the counted folds.
+A file appears under its name when it is complete. SVG and plain JSON hold the morph's numbers digit
+for digit, so the frames have exactly the counted folds. Lottie, which needs six numbers for each
+point and key frame, leaves out points and frames between which straight lines do as well.
 """
 
 import io
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
-from math import ceil
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 from xml.sax.saxutils import quoteattr
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from finloop.base.arrays import Ints, Picture
+from finloop.base.arrays import Floats, Ints, Picture, Points
 from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
 from finloop.base.paint import Shape, group_contours, paint_layers, painted_frames
@@ -40,6 +41,9 @@ CRF = 18  # quality of MP4, 0 = best
 EFFORT = 50  # of making WebP small, 0 … 100
 SLOWEST, FASTEST = 0.1, 1000  # frames per second: the limits of a film's clock
 LARGEST_PX = 2048
+LINE_ERROR, VALUE_ERROR = 1e-3, 3e-3
+"""How far lines in Lottie may be off, as a share of the picture's longer side (half a pixel of 512),
+and other values, as a share of the largest (less than a level of a colour)."""
 ROUND = 1.01  # longer to shorter half axis of an ellipse that counts as a circle
 Json = dict[str, Any]
 
@@ -287,9 +291,9 @@ def _svg_gradient(gradients: list[Gradient], animator: _SvgAnimator, name: str) 
 def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> str:
     """Write a morph as Lottie JSON; return what Lottie cannot hold, "" if nothing is lost.
 
-    A shape becomes a layer, the topmost first, and a frame becomes a keyframe. Players interpolate
-    linearly between keyframes. frame_rate: frames per second. longer_side_px is not used: the
-    picture is scalable.
+    A shape becomes a layer, the topmost first. Players interpolate linearly between keyframes:
+    those frames that they need to stay within LINE_ERROR and VALUE_ERROR. frame_rate: frames per
+    second. longer_side_px is not used: the picture is scalable.
     """
     layers = [
         _lottie_layer(morph, frames, k) for k, frames in enumerate(painted_frames(morph)[::-1], 1)
@@ -326,19 +330,78 @@ def _lottie_layer(morph: Morph, frames: list[Shape], index: int) -> Json:
 
 
 def _lottie_path(morph: Morph, name: str, closed: bool) -> Json:
-    """Return the Lottie path of one contour of a morph, with a keyframe for each frame.
+    """Return the Lottie path of one contour of a morph, with keyframes.
 
     name: of the contour in `morph.layers`. closed: whether its end joins its beginning.
     """
-    frames = morph.layers[name].tolist()
-    straight = [[0, 0]] * len(frames[0])  # tangents of length 0: polylines
+    stack, error = morph.layers[name], LINE_ERROR * max(morph.width, morph.height)
+    stack = stack[:, _find_needed_points(stack, closed, error / 4)]
+    keys = _find_needed_frames(stack, 3 * error / 4)
+    decimals = min(morph.decimals, 1 - floor(log10(error)))  # to a tenth of the error or finer
+    frames = np.round(stack[keys], decimals).tolist()
+    straight = [[0, 0]] * stack.shape[1]  # tangents of length 0: polylines
     values = [{"i": straight, "o": straight, "v": points, "c": closed} for points in frames]
-    return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": _lottie_keyframes(values)}}
+    return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": _lottie_keyframes(keys, values)}}
 
 
-def _lottie_keyframes(values: Sequence[Any]) -> list[Json]:
-    """Return a Lottie keyframe for each frame's value."""
-    keys: list[Json] = [{"t": k, "s": [value]} for k, value in enumerate(values)]
+def _find_needed_rows(rows: int, errors: Callable[[int, int], Floats], most: float) -> list[int]:
+    """Return the rows to keep, so that those left out are off by at most `most`.
+
+    errors: gives how far off the rows first + 1 … last − 1 are, if only first and last are kept
+    (Douglas and Peucker 1973).
+    """
+    kept, spans = {0, rows - 1}, [(0, rows - 1)]
+    while spans:
+        first, last = spans.pop()
+        if last - first > 1:
+            off = errors(first, last)
+            middle = first + 1 + int(off.argmax())
+            if off.max() > most:
+                kept.add(middle)
+                spans += [(first, middle), (middle, last)]
+    return sorted(kept)
+
+
+def _find_needed_frames(values: Floats, most: float) -> list[int]:
+    """Return the frames to keep of values (f, …), between which others are nearly linear in time.
+
+    most: by how much a number may be off.
+    """
+    flat = values.reshape(len(values), -1)
+
+    def errors(first: int, last: int) -> Floats:
+        """Return the largest error of each frame between first and last."""
+        share = (np.arange(first + 1, last) - first)[:, None] / (last - first)
+        even = flat[first] + share * (flat[last] - flat[first])
+        return np.asarray(np.abs(flat[first + 1 : last] - even).max(axis=1))
+
+    return _find_needed_rows(len(values), errors, most)
+
+
+def _find_needed_points(stack: Points, closed: bool, most: float) -> list[int]:
+    """Return the points to keep of a contour (f, n, 2), between which others are nearly on a line.
+
+    closed: whether its end joins its beginning. most: distance from the line, in any frame.
+    """
+    points = np.concatenate([stack, stack[:, :1]], axis=1) if closed else stack
+
+    def errors(first: int, last: int) -> Floats:
+        """Return the largest distance of each point between first and last from their line."""
+        offset = points[:, first + 1 : last] - points[:, [first]]
+        chord = points[:, [last]] - points[:, [first]]
+        length = np.maximum((chord**2).sum(axis=2, keepdims=True), 1e-300)
+        share = np.clip((offset * chord).sum(axis=2, keepdims=True) / length, 0, 1)
+        return np.asarray(np.hypot(*np.moveaxis(offset - share * chord, 2, 0)).max(axis=0))
+
+    kept = _find_needed_rows(points.shape[1], errors, most)
+    kept = kept[:-1] if closed else kept
+    count = stack.shape[1]
+    return kept if len(kept) > 2 - (not closed) else [0, count // 3, 2 * count // 3]  # a point
+
+
+def _lottie_keyframes(frames: Sequence[int], values: Sequence[Any]) -> list[Json]:
+    """Return Lottie keyframes: values, each at its frame."""
+    keys: list[Json] = [{"t": k, "s": [value]} for k, value in zip(frames, values, strict=True)]
     # Linear easing to the next keyframe; the last has none, or players would look for one more.
     for key in keys[:-1]:
         key |= {"i": {"x": 1, "y": 1}, "o": {"x": 0, "y": 0}}
@@ -450,7 +513,9 @@ def _lottie_property(values: list[Any]) -> Json:
     """Return a Lottie property, a number or a list, from its value in every frame."""
     if all(value == values[0] for value in values):
         return _lottie_constant(values[0])
-    keys = _lottie_keyframes(values)
+    numbers = np.asarray(values, np.float64)
+    frames = _find_needed_frames(numbers, VALUE_ERROR * float(np.abs(numbers).max()))
+    keys = _lottie_keyframes(frames, [values[frame] for frame in frames])
     for key in keys:
         key["s"] = key["s"][0] if isinstance(key["s"][0], list) else key["s"]
     return {"a": 1, "k": keys}
