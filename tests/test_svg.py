@@ -787,6 +787,12 @@ def use_bomb():
     return f"<defs>{''.join(levels)}</defs><use href='#u9'/>"
 
 
+def test_of_equal_ids_the_first_counts(tmp_path):
+    body = "<defs><path id='a' d='M0 0H9V9z'/></defs><use id='a' href='#a'/>"
+    (curve,) = load_svg(put(tmp_path, body)).curves.values()
+    assert len(curve.points) == 3
+
+
 @pytest.mark.parametrize(
     ("body", "head", "says"),
     [

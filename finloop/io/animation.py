@@ -42,8 +42,8 @@ EFFORT = 50  # of making WebP small, 0 … 100
 SLOWEST, FASTEST = 0.1, 1000  # frames per second: the limits of a film's clock
 LARGEST_PX = 2048
 LINE_ERROR, VALUE_ERROR = 1e-3, 3e-3
-"""How far lines in Lottie may be off, as a share of the picture's longer side (half a pixel of 512),
-and other values, as a share of the largest (less than a level of a colour)."""
+"""How far lines in Lottie may be off, as a share of the picture's longer side, and other values, as
+a share of the largest: half a pixel of 512, and less than a level of a colour."""
 ROUND = 1.01  # longer to shorter half axis of an ellipse that counts as a circle
 Json = dict[str, Any]
 

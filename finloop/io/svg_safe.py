@@ -115,7 +115,8 @@ def read_href(element: ElementTree.Element) -> str:
 
 def _refuse_large(path: Path, root: ElementTree.Element) -> None:
     """Raise FinloopError if a drawing has too much geometry, is too deep, or contains itself."""
-    by_id = {element.get("id"): element for element in root.iter()}
+    # Of equal ids the first counts, as in `svg`.
+    by_id = {element.get("id"): element for element in reversed(list(root.iter()))}
     sizes = dict[int, int]()  # of the measured elements, by `id` of the Python object
     unfinished = set[int]()  # elements within which another is being measured now
 
