@@ -165,13 +165,16 @@ def painted_morph():
 
 
 @pytest.mark.parametrize("make_morph", [a_morph, painted_morph])
-@pytest.mark.parametrize("frame", [1, 6])
-def test_svg_plays_in_a_browser(tmp_path, make_morph, frame):
+@pytest.mark.parametrize(("frame", "ending"), [(1, ".svg"), (6, ".svg"), (6, ".css.svg")])
+def test_svg_plays_in_a_browser(tmp_path, make_morph, frame, ending):
     morph = make_morph()
-    svg = save_morph(tmp_path, ".svg", morph).read_text()
-    seek = f"s.pauseAnimations(); s.setCurrentTime({frame} / {RATE})"
-    script = f'<script>s = document.querySelector("svg"); {seek}</script>'
-    (tmp_path / "page.html").write_text(f'<body style="margin:0">{svg}{script}')
+    svg = save_morph(tmp_path, ending, morph).read_text()
+    assert ("<animate" in svg, "@keyframes" in svg) == (ending == ".svg", ending == ".css.svg")
+    seek = (
+        f's = document.querySelector("svg"); s.pauseAnimations(); s.setCurrentTime({frame} / {RATE});'
+        f"for (a of document.getAnimations()) {{a.pause(); a.currentTime = 1000 * {frame} / {RATE} + 0.1}}"
+    )
+    (tmp_path / "page.html").write_text(f'<body style="margin:0">{svg}<script>{seek}</script>')
     with chromium() as browser:
         picture = visit(browser, tmp_path / "page.html").page.screenshot()
     shot = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)[:80, :120, ::-1].astype(

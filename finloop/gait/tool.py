@@ -2,7 +2,7 @@
 
 `python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. A gait without symmetry, such
 as a gallop, takes four key poses. Contours of the same id belong together. The file name's ending
-selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json.
+selects the format: .svg, .css.svg, .webp, .mp4, .json, .lottie.json, .spine.json.
 """
 
 import argparse

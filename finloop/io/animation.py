@@ -1,5 +1,7 @@
 """Morphs as files, by their ending: animated SVG, WebP, MP4, plain JSON, Lottie JSON, Spine JSON.
 
+An SVG moves by SMIL, which every browser plays, or, with the ending .css.svg, by CSS.
+
 A file appears under its name when it is complete. SVG and plain JSON hold the morph's numbers digit
 for digit, so the frames have exactly the counted folds. Lottie, which needs six numbers for each
 point and key frame, leaves out points and frames between which straight lines do as well.
@@ -10,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -103,15 +105,16 @@ def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: 
     ]}, indent=None)  # fmt: skip
 
 
-# --- animated SVG (SMIL): it plays by itself in every browser, without a script
+# --- animated SVG (SMIL or CSS): it plays by itself in browsers, without a script
 
 
 def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
     """Write a morph as an SVG that plays by itself, with one animated path for every shape.
 
-    Points are written as whole numbers, in units of the last decimal of the drawing's coordinates,
-    each after the first relative to the previous one. That is exact, and half as long as decimals.
-    frame_rate: frames per second. longer_side_px is not used: the picture is scalable.
+    It moves by CSS if the path ends with .css.svg, else by SMIL. Points are written as whole
+    numbers, in units of the last decimal of the drawing's coordinates, each after the first
+    relative to the previous one. That is exact, and half as long as decimals. frame_rate: frames
+    per second. longer_side_px is not used: the picture is scalable.
     """
     grid = 10.0**morph.decimals  # units of a path in a px
     seconds = len(morph.tau) / frame_rate
@@ -122,9 +125,8 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
         f'<g transform="scale({1 / grid:.10g})" stroke-linejoin="round" stroke-linecap="round"'
         ' fill-rule="evenodd">',
     ]
-    animator = _SvgAnimator(
-        f'dur="{float(seconds):.6g}s" repeatCount="indefinite"', morph.end_frame
-    )
+    kind = _CssAnimator if path.name.lower().endswith(".css.svg") else _SmilAnimator
+    animator = kind(f"{float(seconds):.6g}s", morph.end_frame)
     for number, frames in enumerate(painted_frames(morph)):
         shape = frames[0]
         contours = [np.round(morph.layers[name] * grid).astype(np.int64) for name in shape.layers]
@@ -146,8 +148,9 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: in
                 attributes += f' visibility="{words[0]}"'
                 animations += animator.switch("visibility", words)
             d = quoteattr(paths[0])
-            lines.append(f"{defs}<path {name}{attributes} d={d}>{animations}</path>")
-    save_bytes(path, "\n".join([*lines, "</g>", "</svg>", ""]).encode())
+            style, children = animator.place(animations)
+            lines.append(f"{defs}<path {name}{attributes}{style} d={d}>{children}</path>")
+    save_bytes(path, "\n".join([*lines, "</g>", *animator.rules, "</svg>", ""]).encode())
 
 
 def _split_by_paint_kind(
@@ -186,26 +189,68 @@ def _svg_path_data(points: Ints, closed: bool) -> str:
     return f"M{points[0, 0]} {points[0, 1]}l{text}{'z' if closed else ''}"
 
 
-class _SvgAnimator(NamedTuple):
+class _SmilAnimator:
     """Writer of SVG animation elements, all of one duration, from a value for each frame."""
 
-    timing: str  # attributes that say how long the animation is and that it repeats
-    end_frame: int  # the frame after the last
+    def __init__(self, duration: str, end_frame: int) -> None:
+        """Start; duration: such as "2s"; end_frame: the frame after the last."""
+        self.duration, self.end_frame = duration, end_frame
+        self.rules = list[str]()  # lines at the end of the file
 
     def animate(self, attribute: str, values: Sequence[str]) -> str:
-        """Return the SVG element that changes an attribute smoothly; "" if all values are equal."""
+        """Return what changes an attribute smoothly; "" if all values are equal."""
         if len(set(values)) == 1 and attribute != "d":
             return ""
-        text = ";".join([*values, values[self.end_frame]])
-        return f'<animate attributeName="{attribute}" {self.timing} values="{text}"/>'
+        return self._write(attribute, [*values, values[self.end_frame]], "")
 
     def switch(self, attribute: str, values: Sequence[str]) -> str:
-        """Return the SVG element that changes an attribute at once at every frame."""
-        how = f'calcMode="discrete" {self.timing}'
-        return f'<animate attributeName="{attribute}" {how} values="{";".join(values)}"/>'
+        """Return what changes an attribute at once at every frame."""
+        return self._write(attribute, values, 'calcMode="discrete" ')
+
+    def turn_paint(self, attribute: str, names: Sequence[str]) -> tuple[str, str]:
+        """Return what changes from gradient to gradient: within a gradient, and within its path.
+
+        attribute: fill or stroke, which this kind of animation need not know; names: "#id" of each
+        frame.
+        """
+        return self.switch("href", names), ""
+
+    def place(self, animations: str) -> tuple[str, str]:
+        """Return a path's further attributes and children, which hold its animations."""
+        return "", animations
+
+    def _write(self, attribute: str, values: Sequence[str], how: str) -> str:
+        """Return the animation element of an attribute."""
+        timing = f'{how}dur="{self.duration}" repeatCount="indefinite"'
+        return f'<animate attributeName="{attribute}" {timing} values="{";".join(values)}"/>'
 
 
-def _svg_paint(paints: list[Paint], animator: _SvgAnimator, name: str) -> tuple[str, str, str]:
+class _CssAnimator(_SmilAnimator):
+    """Writer of CSS animations: keyframes at the end of the file, which a path's style names."""
+
+    def turn_paint(self, attribute: str, names: Sequence[str]) -> tuple[str, str]:
+        """Return what changes from gradient to gradient: CSS cannot change a gradient's href."""
+        return "", self.switch(attribute, [f"url({name})" for name in names])
+
+    def place(self, animations: str) -> tuple[str, str]:
+        """Return a path's further attributes and children, which hold its animations."""
+        return f' style="animation:{animations.rstrip(",")}"' if animations else "", ""
+
+    def _write(self, attribute: str, values: Sequence[str], how: str) -> str:
+        """Return the animation of a property, for a list of them, and keep its keyframes."""
+        if len(set(values)) == 1:
+            return ""
+        name, last = f"move-{len(self.rules)}", len(values) - (not how)
+        form = 'path("{}")' if attribute == "d" else "{}"
+        frames = "".join(
+            f"{100 * k / last:.6g}%{{{attribute}:{form.format(value)}}}"
+            for k, value in enumerate(values)
+        )
+        self.rules.append(f"<style>@keyframes {name}{{{frames}}}</style>")
+        return f"{name} {self.duration} {'step-end' if how else 'linear'} infinite,"
+
+
+def _svg_paint(paints: list[Paint], animator: _SmilAnimator, name: str) -> tuple[str, str, str]:
     """Return the SVG text for a shape's fill and stroke: gradients, attributes and animations.
 
     paints: one for each frame, in units of the path, with gradients of one kind. name: prefix of
@@ -224,7 +269,9 @@ def _svg_paint(paints: list[Paint], animator: _SvgAnimator, name: str) -> tuple[
     for key in ("fill", "stroke"):
         fills: list[Fill] = [getattr(paint, key) for paint in paints]
         if isinstance(fills[0], Gradient):
-            defs += _svg_gradient(cast("list[Gradient]", fills), animator, f"{name}-{key}")
+            own, turn = _svg_gradient(cast("list[Gradient]", fills), animator, f"{name}-{key}", key)
+            defs += own
+            animations += turn
             attributes[key] = f"url(#{name}-{key})"
         else:
             add_values(key, [_svg_colour(cast("Colour | None", fill)) for fill in fills])
@@ -252,8 +299,12 @@ def _svg_colour(colour: Colour | None) -> str:
     return "none" if colour is None else format_colour(colour)
 
 
-def _svg_gradient(gradients: list[Gradient], animator: _SvgAnimator, name: str) -> str:
+def _svg_gradient(
+    gradients: list[Gradient], animator: _SmilAnimator, name: str, attribute: str
+) -> tuple[str, str]:
     """Return the SVG definition of a gradient that changes from frame to frame.
+
+    The second text is what a path that it paints needs for that. attribute: fill or stroke.
 
     It has an element for each different gradient, and one called `name` that refers to them in
     turn. gradients: one for each frame, of one kind, in units of the path.
@@ -280,9 +331,9 @@ def _svg_gradient(gradients: list[Gradient], animator: _SvgAnimator, name: str) 
             f' gradientTransform="matrix({matrix})" spreadMethod="{gradient.spread}">'
             f"{stops}</{tag}>"
         )
-    turn = animator.switch("href", names) if len(defs) > 1 else ""
+    turn, turn_path = animator.turn_paint(attribute, names) if len(defs) > 1 else ("", "")
     lines.append(f'<{tag} id="{name}" href="{names[0]}">{turn}</{tag}>')
-    return f"<defs>{''.join(lines)}</defs>"
+    return f"<defs>{''.join(lines)}</defs>", turn_path
 
 
 # --- Lottie (version 5.7), the vector animation of apps and web pages
@@ -573,6 +624,7 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
 
 Writer = Callable[[Path, Morph, Fraction, int], str | None]
 ENDINGS: dict[str, Writer] = {
+    ".css.svg": _save_svg,
     ".svg": _save_svg,
     ".lottie.json": _save_lottie,
     ".spine.json": save_spine,

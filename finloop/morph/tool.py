@@ -2,8 +2,8 @@
 
 Shapes of the same id form a pair; others are paired by place and shape, or by a file. With --force
 one drawing is enough: it moves by gravity, wind, attraction, on a floor. The ending of the output
-selects the format: .svg, .webp, .mp4, .json, .lottie.json, .spine.json. .html is a trial page
-for pairs, methods and weights.
+selects the format: .svg, .css.svg, .webp, .mp4, .json, .lottie.json, .spine.json. .html is a trial
+page for pairs, methods and weights.
 """
 
 import argparse
