@@ -42,6 +42,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
         f"fold_free{ending}"
         for ending in (
             ".svg",
+            ".css.svg",
             ".json",
             ".lottie.json",
             ".spine.json",
