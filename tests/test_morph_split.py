@@ -196,6 +196,7 @@ def test_shifts_are_none_at_both_ends_and_where_nothing_is_covered():
     across = small + [80, 0] * (2 * tau - 1)  # from the left to the right, through the wide one
     apart = [[still], [across + [0, 60]]]
     assert not np.any(find_shifts(apart))
+    assert not np.any(find_shifts([[still], *[[across]] * 16]))  # too many to look at
     stays, shift = find_shifts([[still], [across]])
     assert not stays.any() and not shift[[0, -1]].any()
     steps = np.hypot(*np.diff(shift, axis=0).T)

@@ -5,7 +5,7 @@ aside: it is shifted in one direction, by as much as it needs, and comes back. S
 no pieces of one shape are layers, and may pass over each other, as a drawing's layers do.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -25,6 +25,7 @@ pixels: the seam, along which pieces overlap, changes its length on the way, and
 to whole pixels."""
 STRICT = 0.002  # the same share, where shifts are sought
 DIRECTIONS = 32  # in which a piece may step aside
+MOST_PIECES = 16  # of a shape that step aside: each looks at all others
 MOST_TIMES = 64  # frames, evenly in time, at which a shift is sought
 EASE = 2.0  # width in such frames of the Gaussian that rounds the corners of a shift in time
 ROUNDS = 30  # of raising a rounded shift until nothing is covered
@@ -41,8 +42,8 @@ def find_covered_pieces(
     found = dict[str, Mask]()
     for names in families:
         masks, _ = _draw_masks([shapes[name] for name in names], RASTER_PX)
-        flat = masks.reshape(*masks.shape[:2], -1).astype(np.float32)
-        common = flat @ flat.swapaxes(1, 2)  # px
+        flat = (frame.reshape(len(names), -1).astype(np.float32) for frame in masks)
+        common = np.stack([frame @ frame.T for frame in flat])  # px
         areas = np.diagonal(common, axis1=1, axis2=2)
         least = LEAST * np.minimum(areas[:, :, None], areas[:, None]) + ROUNDING_PX
         overlaps = common > np.maximum(common[0], common[-1]) + least
@@ -60,12 +61,16 @@ def find_shifts(pieces: Sequence[Sequence[Points]]) -> list[Points]:
 
     pieces: the closed contours (f, n, 2) of each. The piece in the middle stays. Each one farther
     out keeps clear of all that are nearer, since it has room outside: in that one of DIRECTIONS
-    in which it moves least, by the sum of its squared steps. At both ends shifts are 0.
+    in which it moves least, by the sum of its squared steps. At both ends shifts are 0, and
+    throughout if there are more than MOST_PIECES, or where no direction is free.
     """
     frames = len(pieces[0][0])
+    if len(pieces) > MOST_PIECES:
+        return [np.zeros((frames, 2)) for _ in pieces]
     times = np.unique(np.round(np.linspace(0, frames - 1, min(frames, MOST_TIMES))).astype(int))
     stacks = [[stack[times] for stack in piece] for piece in pieces]
-    masks, scale = _draw_masks(stacks, SHIFT_RASTER_PX)
+    drawn, scale = _draw_masks(stacks, SHIFT_RASTER_PX)
+    masks = np.stack(list(drawn))
     areas = masks.sum(axis=(2, 3), dtype=np.float64)
     centres = np.stack([np.concatenate(piece, axis=1).mean(axis=1) for piece in stacks], axis=1)
     middle = (areas[:, :, None] * centres).sum(axis=1) / areas.sum(axis=1)[:, None]
@@ -147,8 +152,8 @@ def _rope_over(pegs: Floats) -> Floats:
     return np.interp(np.arange(len(pegs)), corners, pegs[corners])
 
 
-def _draw_masks(pieces: Sequence[Sequence[Points]], side_px: int) -> tuple[Masks, float]:
-    """Return what k pieces cover in every frame, masks (f, k, side_px, side_px), and px per unit.
+def _draw_masks(pieces: Sequence[Sequence[Points]], side_px: int) -> tuple[Iterator[Masks], float]:
+    """Return what k pieces cover, masks (k, side_px, side_px) frame by frame, and px per unit.
 
     pieces: the closed contours (f, n, 2) of each. Every frame is centred, so that a small shape
     that goes far is not small on its masks.
@@ -157,9 +162,14 @@ def _draw_masks(pieces: Sequence[Sequence[Points]], side_px: int) -> tuple[Masks
     low, high = corners.min(axis=1), corners.max(axis=1)
     scale = (side_px - 1) / (float((high - low).max()) or 1.0)
     shift = (side_px - 1) / 2 - scale * (low + high)[:, None] / 2
-    masks = np.zeros((len(corners), len(pieces), side_px, side_px), np.uint8)
-    for number, stacks in enumerate(pieces):
-        pixels = [np.round(stack * scale + shift).astype(np.int32) for stack in stacks]
-        for frame, mask in enumerate(masks[:, number]):
-            cv2.fillPoly(mask, [stack[frame] for stack in pixels], 1)
-    return masks, scale
+    pixels = [[np.round(stack * scale + shift).astype(np.int32) for stack in stacks]
+              for stacks in pieces]  # fmt: skip
+
+    def draw_frame(frame: int) -> Masks:
+        """Return the masks (k, side_px, side_px) of a frame."""
+        masks = np.zeros((len(pieces), side_px, side_px), np.uint8)
+        for mask, stacks in zip(masks, pixels, strict=True):
+            cv2.fillPoly(mask, [stack[frame] for stack in stacks], 1)
+        return masks
+
+    return map(draw_frame, range(len(corners))), scale
