@@ -1,6 +1,7 @@
 """What was written is what is read: one flipped bit is noticed, wherever it is."""
 
 import hashlib
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -112,6 +113,29 @@ def test_no_reader_takes_a_file_with_a_flipped_bit(whole, share):
         with flip_bit(path, share), Project(whole) as project:
             with pytest.raises(DamagedFileError, match=rf"{path.name} is damaged.*\n.*\n.*repro"):
                 load(project)
+
+
+@pytest.fixture(scope="module")
+def plain_run(whole: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same run without checksums."""
+    folder = tmp_path_factory.mktemp("plain")
+    shutil.copytree(whole, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns(RECORD_NAME))
+    return folder
+
+
+@pytest.mark.parametrize("content", [None, b"", b"[1]", "half"])
+def test_what_is_no_artefact_is_one_message_without_checksums_too(plain_run, content):
+    for name, load in LOADS.items():
+        if name.endswith((".csv", "metrics.json")):  # read as they are
+            continue
+        path = plain_run / "data" / name
+        before = path.read_bytes()
+        path.unlink()
+        if content is not None:
+            path.write_bytes(before[: len(before) // 2] if content == "half" else content)
+        with pytest.raises(FinloopError, match=re.escape(path.name)), Project(plain_run) as run:
+            load(run)
+        path.write_bytes(before)
 
 
 def test_every_artefact_is_compared(whole):

@@ -125,14 +125,9 @@ def test_an_exception_while_writing_leaves_what_was_there(tmp_path, before):
             assert len(store) == 5
 
 
-@pytest.mark.parametrize("harm", ["missing", "empty", "text", "cut short", "without its end"])
-def test_a_damaged_store_is_said(tmp_path, harm):
-    path = tmp_path / "c.arrow"
-    whole = write_cutouts(path, pictures(BATCHES)).read_bytes()
-    path.unlink()
-    if harm != "missing":
-        kept = {"empty": b"", "text": b"no store\n" * 99, "cut short": whole[: len(whole) // 2]}
-        path.write_bytes(kept.get(harm, whole[:-9]))
+def test_a_store_without_its_end_is_said(tmp_path):
+    path = write_cutouts(tmp_path / "c.arrow", pictures(BATCHES))
+    path.write_bytes(path.read_bytes()[:-9])
     with pytest.raises(FinloopError, match=r"c\.arrow cannot be read.*\n.*\n.*extract"):
         with open_cutouts(path):
             pass
@@ -192,25 +187,14 @@ def test_a_picture_comes_back_as_it_was(tmp_path, shape):
     assert [p.name for p in tmp_path.iterdir()] == ["p.png"]
 
 
-@pytest.mark.parametrize("content", [None, b"", b"no picture"])
-def test_an_unreadable_picture_is_said(tmp_path, content):
-    if content is not None:
-        (tmp_path / "p.png").write_bytes(content)
-    with pytest.raises(FinloopError, match=r"p\.png cannot be read"):
-        load_picture(tmp_path / "p.png")
-
-
-FACTS = SceneFacts("dark", 1.25, 6.25, 640.0, 70.5, 91.0, "all", 33)
-
-
-@pytest.mark.parametrize("content", [None, "", "[1]", '{"noise_grey": 1}', "{"])
-def test_facts_come_back_and_unreadable_ones_are_said(tmp_path, content):
-    path = tmp_path / "scene.json"
-    save_record(path, FACTS)
-    assert load_record(path, SceneFacts, "extract") == FACTS
-    path.unlink()
-    if content is not None:
-        path.write_text(content)
+def test_facts_come_back_and_too_few_are_said(tmp_path):
+    path, facts = (
+        tmp_path / "scene.json",
+        SceneFacts("dark", 1.25, 6.25, 640.0, 70.5, 91.0, "all", 33),
+    )
+    save_record(path, facts)
+    assert load_record(path, SceneFacts, "extract") == facts
+    path.write_text('{"noise_grey": 1}')
     with pytest.raises(FinloopError, match=r"scene\.json cannot be read.*\n.*\n.*extract"):
         load_record(path, SceneFacts, "extract")
 

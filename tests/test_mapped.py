@@ -43,18 +43,6 @@ def test_an_array_of_another_film_is_refused(tmp_path, shape, kind, said):
         open_array(tmp_path / "a.npy", shape, kind)
 
 
-@pytest.mark.parametrize("content", [None, b"", b"no array", "cut off"])
-def test_what_is_no_array_is_refused(tmp_path, content):
-    path = tmp_path / "a.npy"
-    if content == "cut off":
-        save_array(path, ROWS)
-        path.write_bytes(path.read_bytes()[:-9])
-    elif content is not None:
-        path.write_bytes(content)
-    with pytest.raises(FinloopError, match="cannot be read as an array"):
-        open_array(path, ROWS.shape, "int64")
-
-
 def test_a_full_disk_is_an_error_before_anything_is_written(tmp_path, monkeypatch):
     """And not a signal amid the work, which a mapped page without room on the disk gives."""
 

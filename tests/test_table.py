@@ -136,15 +136,6 @@ def test_all_problems_are_said_at_once_on_loading(tmp_path):
         assert problem in str(caught.value)
 
 
-@pytest.mark.parametrize("content", [None, b"", b"no table"])
-def test_unreadable_tables_are_said(tmp_path, content):
-    path = tmp_path / "a.parquet"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(FinloopError, match="cannot be read as a table"):
-        load_table(path, SCHEMA)
-
-
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_a_small_table_does_not_tell_one_processor_from_another(tmp_path, dtype):
     measured = np.array([1234.567, 0.123456, 1e-6, np.nan])
