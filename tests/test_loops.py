@@ -117,7 +117,7 @@ def dense(pairs, values):
 
 
 def filtered_map(pairs, track, n, limit):
-    return filter_diagonals(pairs, track.astype(np.int32), binomial_weights(n), limit)
+    return filter_diagonals(pairs, track, binomial_weights(n), limit)
 
 
 def minima_of(pairs, value, track, radius, least):
@@ -172,7 +172,7 @@ def test_of_equal_minima_the_first_is_one():
     """A film that stands still for a while is alike in all its frames."""
     film = np.r_[np.arange(10), np.full(3, 20.0), np.arange(30, 50), np.full(3, 20.0), [60, 70]]
     pairs = film_map(film[:, None], keep=0.1)
-    track = np.zeros(38)
+    track = np.zeros(38, np.int32)
     assert minima_of(pairs, filtered_map(pairs, track, 0, 1.0), track, 3, 10) == [(10, 33)]
 
 
@@ -209,7 +209,7 @@ def test_dynamics_keep_the_direction_of_motion():
 def test_no_loop_lies_at_the_end_of_a_track_or_looks_beyond_it():
     """Two tracks that show the same: every frame is like its twin, but the ends have no past."""
     film = np.tile(np.arange(30) * 5.0, 2)[:, None]
-    track = np.repeat([3, 8], 30)
+    track = np.repeat([3, 8], 30).astype(np.int32)
     for n in (0, 1, 2):
         value = filtered_map(film_map(film, 1), track, n, 5.0)
         assert np.isfinite(value).tolist() == [n <= frame < 30 - n for frame in range(30)]
@@ -269,8 +269,8 @@ def test_improper_loops_are_dropped_and_counted():
 
 def test_no_end_has_more_loops_than_asked_and_only_full_ends_lose_one():
     rng = np.random.default_rng(1)
-    pairs = np.unique(np.sort(rng.integers(0, 30, (300, 2)), axis=1), axis=0)
-    a, b = rng.permutation(pairs[pairs[:, 0] < pairs[:, 1]]).T
+    pairs = np.unique(np.sort(rng.integers(0, 30, (300, 2)), axis=1), axis=0).astype(np.int32)
+    a, b = rng.permutation(pairs[pairs[:, 0] < pairs[:, 1]]).T.copy()
     keep = choose_best_loops(a, b, 3)
     used = np.bincount(np.r_[a[keep], b[keep]], minlength=30)
     assert used.max() == 3 and keep[0]

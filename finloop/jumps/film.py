@@ -66,13 +66,12 @@ class JumpSearch:
         mirror images.
         """
         targets = np.ascontiguousarray(signatures[: 1 + mirror].reshape(-1, signatures.shape[-1]))
+        track = np.array(track, np.int64)  # writable: one kind of array for the kernels
         can_play_on = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
         allowed = np.flatnonzero(np.tile(can_play_on, 1 + mirror))
         index = Nearest.from_vectors(targets[allowed])
         part = assign_parts(len(track), _STRETCH * least)
-        return cls(
-            targets, allowed, index, track=np.asarray(track), part=part, count=count, least=least
-        )
+        return cls(targets, allowed, index, track=track, part=part, count=count, least=least)
 
     @property
     def part_count(self) -> int:

@@ -67,8 +67,9 @@ def to_sparse_map(table: pd.DataFrame, rows: int) -> SparseDistanceMap:
     feature rows there are.
     """
     start = np.searchsorted(table["i"].to_numpy(), np.arange(rows + 1))
+    # Copies: a kernel is compiled anew for arrays that are read-only, as those of a file are.
     return SparseDistanceMap(
-        start, table["j"].to_numpy(np.int32), table["distance"].to_numpy(np.float32)
+        start, np.array(table["j"], np.int32), np.array(table["distance"], np.float32)
     )
 
 
@@ -87,9 +88,8 @@ def find_video_loops(
     loops = candidates[~candidates["improper"]]
     if loops.empty:
         raise _explain_no_loops(pairs, features, step_median, settings)
-    kept = choose_best_loops(
-        loops["a"].to_numpy(), loops["b"].to_numpy(), settings.max_loops_per_end
-    )
+    a, b = (np.array(loops[end], np.int32) for end in "ab")
+    kept = choose_best_loops(a, b, settings.max_loops_per_end)
     loops = loops[kept].reset_index(drop=True)
     track = features["track_id"].to_numpy()
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
@@ -117,7 +117,7 @@ def find_loop_candidates(
     fish travels against its heading). The counts are pairs, pairs_below_threshold, minima,
     improper_dropped. pairs: picture distances D of comparable rows; most_distance: of filtered D.
     """
-    track = features["track_id"].to_numpy(np.int32)
+    track = np.array(features["track_id"], np.int32)
     weight = binomial_weights(settings.compared_neighbour_frames)
     filtered = filter_diagonals(pairs, track, weight, most_distance)
     delta = infer_delta_frames(features)
