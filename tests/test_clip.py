@@ -638,82 +638,54 @@ def test_missing_numbers_are_missing_frames_with_their_time(tmp_path):
     assert numbers(read(later, loss)[1]) == list(range(24, 40)) and loss.gaps == 0
 
 
-def test_names_without_a_common_form_are_in_natural_order(tmp_path):
-    names = ["a.png", "b2.png", "c10_3.png", "d.png"]
-    folder = write_pictures(tmp_path / "film", map(picture, range(4)), names=names)
-    footage = open_footage(folder, frame_rate_hz=10)
-    assert numbers(read(footage)[1]) == [0, 1, 2, 3]
-    assert "alphabetical order" in footage.notes[0]
+@pytest.mark.parametrize(
+    ("names", "rate", "said"),
+    [
+        (["a.png", "b2.png", "c10_3.png", "d.png"], 10, "alphabetical order"),
+        ([f"s{k // 6}_{k % 6}.png" for k in range(18)], 6, "each of 3 parts"),
+        ([f"12_30_{k // 5:02}_{k % 5 * 200:03}.png" for k in range(18)], 5, ""),
+        ([f"f{k}{['.tif', '.TIFF'][k % 2]}" for k in range(9)], 10, None),
+    ],
+)
+def test_pictures_come_in_the_order_of_their_names(tmp_path, names, rate, said):
+    folder = write_pictures(tmp_path / "film", map(picture, range(len(names))), names=names)
+    footage = open_footage(folder, frame_rate_hz=rate)
+    assert numbers(read(footage)[1]) == list(range(len(names)))
+    assert footage.notes == () if said is None else said in " ".join(footage.notes)
 
 
-@pytest.mark.parametrize("names", ["frame_{:04x}.png", "{:02X}.png"])
-def test_hexadecimal_numbers_are_numbers(tmp_path, names):
+@pytest.mark.parametrize(
+    "name_of",
+    [
+        "frame_{:04x}.png".format,
+        "{:02X}.png".format,
+        lambda k: f"20240503123001{123456 + 2000 * k}.png",  # more digits than a float has
+    ],
+)
+def test_hexadecimal_and_long_numbers_are_numbers(tmp_path, name_of):
     there = [k for k in range(20) if k not in (11, 12)]
-    named = [names.format(k) for k in there]
-    folder = write_pictures(tmp_path / "film", map(picture, there), names=named)
-    footage = open_footage(folder, frame_rate_hz=10)
-    times, frames = read(footage, loss := LostFrames())
+    folder = write_pictures(tmp_path / "film", map(picture, there), names=[*map(name_of, there)])
+    times, frames = read(open_footage(folder, frame_rate_hz=10), loss := LostFrames())
     assert numbers(frames) == there and loss.gaps == 2
     np.testing.assert_allclose(times, np.array(there) / 10)
-
-
-def test_a_single_picture_is_no_film_whatever_its_name(tmp_path):
-    folder = write_pictures(tmp_path / "film", [picture(0)], names=["face.png"])
-    with pytest.raises(FinloopError, match="a single frame"):
-        open_footage(folder, frame_rate_hz=10)
-
-
-def test_a_film_in_parts_goes_on_where_the_part_before_ends(tmp_path):
-    names = [f"s{k // 6}_{k % 6}.png" for k in range(18)]
-    folder = write_pictures(tmp_path / "film", map(picture, range(18)), names=names)
-    assert numbers(read(footage := open_footage(folder, frame_rate_hz=6))[1]) == list(range(18))
-    assert "each of 3 parts" in footage.notes[0]
-
-
-def test_two_cameras_in_a_folder_are_refused_and_times_are_not(tmp_path):
-    cameras = [f"left{k}.png" for k in range(9)] + [f"right{k}.png" for k in range(9)]
-    counted = [f"cam{c}_{k}.png" for c in (1, 2) for k in range(9)]
-    behind = [f"f{k}_cam{c}.png" for k in range(9) for c in (1, 2)]
-    for names in (cameras, counted, behind):
-        shots = [picture(k % 9) for k in range(18)]
-        folder = write_pictures(tmp_path / names[0], shots, names=names)
-        with pytest.raises(FinloopError, match=r"several kinds: 9 .*, 9 "):
-            open_footage(folder, frame_rate_hz=10)
-    times = [f"12_30_{k // 5:02}_{k % 5 * 200:03}.png" for k in range(18)]
-    folder = write_pictures(tmp_path / "times", map(picture, range(18)), names=times)
-    assert numbers(read(open_footage(folder, frame_rate_hz=5))[1]) == list(range(18))
 
 
 @pytest.mark.parametrize(
     ("names", "said"),
     [
-        (
-            [f"{name}.png" for name in (10, 11, 12, "a1b", "c1", "2d", "e", "f5g6")],
-            "3 #.*5 with other",
-        ),
-        ([f"f{k}.png" for k in range(7)] + ["f03.png"], r"f03.png and f3.png have the same number"),
+        (["face"], "a single frame"),
+        ([f"{side}{k}" for side in ("left", "right") for k in range(9)], "several kinds: 9 .*, 9 "),
+        ([f"cam{c}_{k}" for c in (1, 2) for k in range(9)], "several kinds: 9 .*, 9 "),
+        ([f"f{k}_cam{c}" for k in range(9) for c in (1, 2)], "several kinds: 9 .*, 9 "),
+        ([10, 11, 12, "a1b", "c1", "2d", "e", "f5g6"], "3 #.*5 with other"),
+        ([*(f"f{k}" for k in range(7)), "f03"], r"f03.png and f3.png have the same number"),
     ],
 )
 def test_pictures_that_are_not_one_film_are_refused(tmp_path, names, said):
-    folder = write_pictures(tmp_path / "film", map(picture, range(8)), names=names)
+    named, shots = [f"{name}.png" for name in names], (picture(k % 9) for k in range(len(names)))
+    folder = write_pictures(tmp_path / "film", shots, names=named)
     with pytest.raises(FinloopError, match=said):
         open_footage(folder, frame_rate_hz=10)
-
-
-def test_numbers_in_names_may_have_more_digits_than_a_float(tmp_path):
-    names = [f"20240503123001{123456 + 2000 * k}.png" for k in (0, 1, 2, 4, 5)]
-    folder = write_pictures(tmp_path / "film", map(picture, range(5)), names=names)
-    loss = LostFrames()
-    footage = open_footage(folder, frame_rate_hz=500)
-    times = [round(time_s * 500) for time_s, _ in footage.stream_numbered(loss)]
-    assert times == [0, 1, 2, 4, 5] and loss.gaps == 1
-
-
-def test_an_ending_may_be_written_in_two_ways(tmp_path):
-    names = [f"f{k}{['.tif', '.TIFF'][k % 2]}" for k in range(9)]
-    folder = write_pictures(tmp_path / "film", map(picture, range(9)), names=names)
-    footage = open_footage(folder, frame_rate_hz=10)
-    assert numbers(read(footage)[1]) == list(range(9)) and footage.notes == ()
 
 
 NAMES_WITH_TIMES = {  # of the time of a picture, in ms after a date

@@ -16,6 +16,7 @@ import pytest
 from conftest import TINY_CARP
 from PIL import Image
 from scratch import content, prepare, write_frames
+from toy_fish import edit_list as toy_edit_list
 from toy_fish import mass_centre, rough_picture
 
 import stages.export
@@ -159,16 +160,9 @@ def sprite_table(steps=3):
 
 
 def edit_list(n, **columns):
-    empty = {column.name: None for column in EDIT.columns if column.nullable}
-    filled = [one for one in EDIT.columns if not one.nullable and one.dtype != "string"]
-    numbers = {one.name: np.zeros((), one.dtype)[()] for one in filled}
-    given = {
-        "fish": 0, "tick": np.arange(n), "time_s": np.arange(n) / float(RATE), "kind": "frame",
-        "source": np.arange(n), "scale": 1.0, "x_px": 30.0 + 3 * np.arange(n), "y_px": 40.0,
-        "mode": "network", "state": "straight", "goal": "A",
-    }  # fmt: skip
-    edit = pd.DataFrame(empty | numbers | given | columns, index=range(n))
-    return edit[EDIT.names]
+    """An edit list of n ticks of a fish that swims to the right, a frame of the film a tick."""
+    here = {"source": np.arange(n), "x_px": 30.0 + 3 * np.arange(n), "y_px": 40.0}
+    return toy_edit_list(n, **here | columns)
 
 
 def test_an_edit_list_says_what_it_shows():

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from hostile import Runs
 
 from finloop.base.errors import FinloopError
 from finloop.base.yaml_limits import refuse_yaml_bomb
@@ -145,13 +146,6 @@ def test_a_study_whose_settings_have_no_names_is_refused(tmp_path, text):
     (tmp_path / "a.yaml").write_text(text)
     with pytest.raises(FinloopError, match="is not a study"):
         read_study_file(tmp_path / "a.yaml")
-
-
-class Runs:
-    """A pickle that would run a program."""
-
-    def __reduce__(self):
-        return print, ("run",)
 
 
 @pytest.mark.parametrize("protocol", range(6))

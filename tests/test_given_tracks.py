@@ -19,6 +19,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hostile import Runs
 from scratch import content, prepare
 
 import finloop
@@ -832,13 +833,6 @@ def test_labelled_pictures_and_half_a_head_are_no_tracks(tmp_path):
         (tmp_path / "a.csv").write_text(text)
         with pytest.raises(FinloopError, match=said):
             load_poses(tmp_path / "a.csv", None, 25.0)
-
-
-class Runs:
-    """A pickle that would run a program."""
-
-    def __reduce__(self):
-        return print, ("run",)
 
 
 def test_a_pickle_that_would_run_something_is_refused(tmp_path, capsys):

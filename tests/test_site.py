@@ -31,29 +31,20 @@ def test_a_page_that_is_not_named_gets_its_place():
 @pytest.mark.parametrize(
     "place, link, there",
     [
-        ("README.md", "docs/paths.md#times", "paths.md#times"),
-        ("README.md", "CHANGELOG.md", "changelog.md"),
-        ("docs/results.md", "../README.md", "index.md"),
-        ("docs/equations/loops.md", "../results.md", "../results.md"),
-        ("docs/equations.md", "equations/loops.md", "equations/loops.md"),
-        ("docs/paths.md", "#times", "#times"),
-        ("docs/paths.md", "https://dvc.org", "https://dvc.org"),
+        ("README.md", "docs/paths.md#times", "[`a`](paths.md#times)"),
+        ("README.md", "CHANGELOG.md", "[`a`](changelog.md)"),
+        ("docs/results.md", "../README.md", "[`a`](index.md)"),
+        ("docs/equations/loops.md", "../results.md", "[`a`](../results.md)"),
+        ("docs/equations.md", "equations/loops.md", "[`a`](equations/loops.md)"),
+        ("docs/paths.md", "#times", "[`a`](#times)"),
+        ("docs/paths.md", "https://dvc.org", "[`a`](https://dvc.org)"),
+        ("README.md", "CITATION.cff", '<a href="../CITATION.cff">`a`</a>'),
+        ("docs/results.md", "../conf", '<a href="../conf">`a`</a>'),
+        ("docs/equations/loops.md", "../../conf", '<a href="../../conf">`a`</a>'),
     ],
 )
-def test_a_link_to_a_page_stays_within_the_site(place, link, there):
-    assert move_links(f"see [`a`]({link}).", place) == f"see [`a`]({there})."
-
-
-@pytest.mark.parametrize(
-    "place, link, there",
-    [
-        ("README.md", "CITATION.cff", "../CITATION.cff"),
-        ("docs/results.md", "../conf", "../conf"),
-        ("docs/equations/loops.md", "../../conf", "../../conf"),
-    ],
-)
-def test_a_link_to_another_file_leads_into_the_working_copy(place, link, there):
-    assert move_links(f"[a]({link})", place) == f'<a href="{there}">a</a>'
+def test_a_link_stays_within_the_site_or_leads_into_the_working_copy(place, link, there):
+    assert move_links(f"see [`a`]({link}).", place) == f"see {there}."
 
 
 def test_anchors_are_those_of_github():
