@@ -21,7 +21,6 @@ from finloop.gait.tool import (
     main,
     shipped_gait_files,
 )
-from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
 
 DOG = [str(ROOT / f"data/drawings/dog_{key}.svg") for key in (1, 2)]
@@ -32,8 +31,8 @@ def leg(name: str, x: int = 9) -> str:
     return f'<path id="{name}" d="M{x} 9H{x + 9}V60H{x}z"/>'
 
 
-@pytest.mark.parametrize("ending", list(ENDINGS))
-def test_the_command_writes_every_format(tmp_path, ending, capsys):
+@pytest.mark.parametrize("ending", [".svg", ".spine.json"])
+def test_the_command_writes_a_drawing_and_says_what_it_made(tmp_path, ending, capsys):
     out = tmp_path / f"out{ending}"
     given = [*DOG, "--gait", "dog_walk", "-o", str(out), *SMALL, "--size", "64"]
     assert main(given) == 0

@@ -297,18 +297,6 @@ def test_a_library_gets_its_parameters_without_hydra_and_params_yaml(tmp_path, m
         settings("clip", source="goldfish")
 
 
-def test_what_is_declared_is_cheap_to_know():
-    """DVC imports every declaration while it composes; none may bring its algorithm with it."""
-    heavy = ("cv2", "matplotlib", "numba", "pandas", "scipy", "torch", "vtkmodules")
-    code = (
-        "import sys; from finloop.base.settings import GROUPS, variants\n"
-        "for word in GROUPS: variants(word)\n"
-        f"print(*(set({heavy}) & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert (done.returncode, done.stdout.split()) == (0, []), done.stderr
-
-
 def test_conf_holds_the_options_and_no_others_and_params_yaml_is_its_composition():
     found = {(path.parent.name, path.stem) for path in (ROOT / "conf").glob("*/*.yaml")}
     assert {pair for pair in found if pair[0] not in (FOLDER, "local")} == set(EVERY)
