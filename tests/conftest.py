@@ -20,7 +20,6 @@ import psutil
 import pytest
 import yaml
 from hypothesis import HealthCheck, settings
-from matplotlib.figure import Figure
 
 from stages.forks import open_stage_server
 
@@ -203,6 +202,8 @@ def small_films() -> Iterator[None]:
 @pytest.fixture
 def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are put together but not painted, where a test does not look at pictures."""
+    from matplotlib.figure import Figure  # which the process that runs no test does without
+
     monkeypatch.setattr(Figure, "savefig", lambda _, path, **_options: Path(path).touch())
 
 
