@@ -7,7 +7,7 @@ all that the result is made from. DVC keeps that folder; temporary experiments s
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
@@ -36,22 +36,39 @@ class KeptResults:
     made_from: str
     own: Mapping[str, Any]
 
-    def load(self, name: str, ending: str, unpack: Callable[[bytes], Any]) -> Any:
-        """Return a kept result; None if there is none, or its checksum is wrong.
+    def load_values(self, name: str) -> Any:
+        """Return plain values that were kept; None if there are none, or a checksum is wrong."""
+        packed = self._load(name, "values")
+        return None if packed is None else json.loads(packed)
 
-        ending: of its file. unpack: turns the packed result into what it was.
-        """
+    def save_values(self, name: str, values: Any) -> None:
+        """Keep plain values (dictionaries, lists, numbers, text), numbers exactly."""
+        self._save(name, "values", json.dumps(values).encode())
+
+    def load_frames(self, name: str, count: int) -> list[pd.DataFrame] | None:
+        """Return `count` data frames that were kept; None if there are none, or damaged ones."""
+        packed = self._load(name, "frames")
+        if not packed:  # None, or of no frames
+            return None if packed is None else []
+        table = pd.read_parquet(BytesIO(packed))
+        numbers = table.index.get_level_values(0)
+        return [table[numbers == number].droplevel(0) for number in range(count)]
+
+    def save_frames(self, name: str, frames: list[pd.DataFrame]) -> None:
+        """Keep data frames of equal columns, exactly."""
+        packed = pd.concat(frames, keys=range(len(frames))).to_parquet() if frames else b""
+        self._save(name, "frames", packed)
+
+    def _load(self, name: str, ending: str) -> bytes | None:
+        """Return a kept result as bytes; None if there is none, or its checksum is wrong."""
         if self.folder is None or (content := unseal(path := self._path(name, ending))) is None:
             return None
         with suppress(OSError):
-            os.utime(path)  # `save` removes those that were not used for long
-        return unpack(content)
+            os.utime(path)  # `_save` removes those that were not used for long
+        return content
 
-    def save(self, name: str, ending: str, packed: bytes) -> None:
-        """Keep a packed result, and remove all but the MOST recently used files.
-
-        ending: of the file, which distinguishes results of one name.
-        """
+    def _save(self, name: str, ending: str, packed: bytes) -> None:
+        """Keep a result as bytes, and remove all but the MOST recently used files."""
         if self.folder is None:
             return
         save_bytes(self._path(name, ending), seal(packed))
@@ -79,27 +96,3 @@ def open_kept(stage: str, inputs: list[Path], own: Mapping[str, Any]) -> KeptRes
     digests = {str(path): path_digest(path) for path in (settings, *inputs)}
     root = Path(os.environ.get("DVC_ROOT", "."))
     return KeptResults(root / f"data/.{stage}.kept", key_digest(digests), own)
-
-
-def pack_frames(frames: list[pd.DataFrame]) -> bytes:
-    """Return data frames of equal columns as Parquet, exactly."""
-    return pd.concat(frames, keys=range(len(frames))).to_parquet() if frames else b""
-
-
-def unpack_frames(packed: bytes, count: int) -> list[pd.DataFrame]:
-    """Return `count` data frames that `pack_frames` has packed, in the same order."""
-    if not packed:
-        return []
-    table = pd.read_parquet(BytesIO(packed))
-    numbers = table.index.get_level_values(0)
-    return [table[numbers == number].droplevel(0) for number in range(count)]
-
-
-def pack_values(values: Any) -> bytes:
-    """Return plain values (dictionaries, lists, numbers, text) as JSON, with exact numbers."""
-    return json.dumps(values).encode()
-
-
-def unpack_values(packed: bytes) -> Any:
-    """Return plain values that `pack_values` has packed."""
-    return json.loads(packed)

@@ -44,14 +44,7 @@ from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import AGAIN, Windows
 from finloop.render.gallery import Gallery
 from stages.cluster import open_workers
-from stages.kept import (
-    KeptResults,
-    open_kept,
-    pack_frames,
-    pack_values,
-    unpack_frames,
-    unpack_values,
-)
+from stages.kept import KeptResults, open_kept
 from stages.origins import path_digest
 from stages.realism_pictures import PictureResult, PictureSample
 from stages.settings import load_settings
@@ -96,10 +89,11 @@ def measure_swimming(
     name without a followed fish is left out.
     """
     tables = {
-        name: kept.load(name, "frames", partial(unpack_frames, count=len(lists)))
+        name: kept_tables
         for name, lists in edit_lists.items()
+        if (kept_tables := kept.load_frames(name, len(lists))) is not None
     }
-    new = [name for name, kept_tables in tables.items() if kept_tables is None]
+    new = [name for name in edit_lists if name not in tables]
     jobs = [(instruments[name], edit_list) for name in new for edit_list in edit_lists[name]]
     ticks = sum(len(edit_list.edit) for _, edit_list in jobs)
     with report_progress("realism", ticks, "ticks") as advance:
@@ -109,7 +103,7 @@ def measure_swimming(
             for edit, _ in edit_lists[name]:
                 tables[name].append(next(results))
                 advance(len(edit))
-            kept.save(name, "frames", pack_frames(tables[name]))
+            kept.save_frames(name, tables[name])
     return _join_measured(edit_lists, tables, instruments)
 
 
@@ -159,14 +153,14 @@ def classify_all(
     kept: verdicts of an earlier run. New verdicts are kept, too; a note is printed on each
     comparison with too few windows.
     """
-    kept_values = {name: kept.load(name, "values", unpack_values) for name in sides}
+    kept_values = {name: kept.load_values(name) for name in sides}
     verdicts = {name: Verdict.from_values(values) for name, values in kept_values.items() if values}
     new = {name: windows for name, windows in sides.items() if name not in verdicts}
     results = ordered_map(partial(_classify_or_error, p), new.items(), pool)
     for name, result in zip(new, results, strict=True):
         if isinstance(result, Verdict):
             verdicts[name] = result
-            kept.save(name, "values", pack_values(result.to_values()))
+            kept.save_values(name, result.to_values())
         else:
             print(f"realism: no numbers for {name}: {result}", file=sys.stderr)
     return {name: verdicts[name] for name in sides if name in verdicts}  # in the order of `sides`

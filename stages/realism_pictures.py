@@ -41,7 +41,7 @@ from finloop.realism.instrument import (
 from finloop.realism.windows import AGAIN, HALVES, Windows
 from finloop.render.gallery import Gallery, fish_by_row
 from finloop.render.living import LivingTank
-from stages.kept import KeptResults, pack_values, unpack_values
+from stages.kept import KeptResults
 from stages.run import report_progress
 
 _CHUNK = 120  # frames of the film that a job reads
@@ -181,7 +181,7 @@ class PictureSample:
         """
         results = dict[str, PictureResult]()
         for name in self.names:
-            if values := kept.load(f"picture {name}", "values", unpack_values):
+            if values := kept.load_values(f"picture {name}"):
                 results[name] = PictureResult.from_values(values)
         new = [name for name in self.names if name not in results]
         if new:
@@ -194,7 +194,7 @@ class PictureSample:
                     print(f"realism: no pictures of {name}: {result}", file=sys.stderr)
                     continue
                 results[name] = result
-                kept.save(f"picture {name}", "values", pack_values(result.to_values()))
+                kept.save_values(f"picture {name}", result.to_values())
         return {name: results[name] for name in self.names if name in results}
 
     def _measure_film_crops(self, pool: Workers) -> CropSeries:

@@ -35,7 +35,7 @@ from finloop.io.numbers import load_numbers
 from finloop.io.table import load_csv, load_table, save_table
 from finloop.io.video import read_frames
 from finloop.project import Project
-from stages.kept import KeptResults, pack_values, unpack_values
+from stages.kept import KeptResults
 from stages.origins import note_origins
 from stages.reuse import reuse_or_make
 
@@ -295,11 +295,11 @@ def test_a_damaged_piece_of_an_interrupted_run_is_named_and_made_again(tmp_path,
 
 def test_a_damaged_result_that_was_kept_is_named_and_missing(tmp_path, capsys):
     kept = KeptResults(tmp_path, "", {})
-    kept.save("loops", "values", pack_values([1 / 3]))
-    assert kept.load("loops", "values", unpack_values) == [1 / 3]
+    kept.save_values("loops", [1 / 3])
+    assert kept.load_values("loops") == [1 / 3]
     for share in (0, 0.5, 1):
         with flip_bit(next(tmp_path.iterdir()), share):
-            assert kept.load("loops", "values", unpack_values) is None
+            assert kept.load_values("loops") is None
     assert capsys.readouterr().err.count("is damaged") == 3
 
 
