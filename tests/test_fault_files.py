@@ -21,7 +21,6 @@ from finloop.io.parameters import read_parameters
 from finloop.io.picture import decode_picture
 from finloop.io.poses import load_poses
 from finloop.io.poses.pickled import load_plain_pickle
-from stages.study import read_study_file
 
 ROOT = Path(__file__).parents[1]
 FUZZ = """
@@ -139,13 +138,6 @@ def test_yaml_with_aliases_is_read(tmp_path):
     (tmp_path / "a.yaml").write_text("a: &a {x: 1}\nb: [*a, *a]\nc: {<<: *a}\n")
     values = {"a": {"x": 1}, "b": [{"x": 1}, {"x": 1}], "c": {"x": 1}}
     assert read_parameters(tmp_path / "a.yaml") == values
-
-
-@pytest.mark.parametrize("text", ["films: {a: {1: 2}}", "films: {a: b}\nsettings: {path: 1}"])
-def test_a_study_whose_settings_have_no_names_is_refused(tmp_path, text):
-    (tmp_path / "a.yaml").write_text(text)
-    with pytest.raises(FinloopError, match="is not a study"):
-        read_study_file(tmp_path / "a.yaml")
 
 
 @pytest.mark.parametrize("protocol", range(6))

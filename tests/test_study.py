@@ -68,6 +68,8 @@ def test_any_name_of_a_film_composes_as_it_is(tmp_path):
         ("films: {a: '${'}", "cannot be read"),
         ("films: {a/b: x.mp4}", "more than letters"),
         ("films: {a: 3}", "neither a path nor settings"),
+        ("films: {a: {1: 2}}", "is not a study"),
+        ("films: {a: b}\nsettings: {path: 1}", "is not a study"),
         ("films: {a: {path: [x.mp4]}}", "neither a path nor settings"),
         ("films: {a: x.mp4}\nfilm: {}", "it has film"),
         ("films: {a: {clip: carp}, b: {clip: carp}}", "a and b are one film"),
