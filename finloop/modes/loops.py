@@ -382,10 +382,15 @@ def loops_animator(
     """
     mode = Loops(assets.world, video_loop_graph(assets, loops), q)
     if not mode.can_play:
-        raise NothingToUse(
-            "mode loops: the film has no loops by which it could go on for ever",
-            "a film in which similar frames return, with a loop at least every few seconds",
-            "take a longer film, let more frames join (loops.distance_threshold, "
-            "distance.max_distance_steps), or another mode: network needs no loops",
-        )
+        raise no_loops_error("loops")
     return make_animator(assets, mode, None, p, q.join)
+
+
+def no_loops_error(mode: str) -> NothingToUse:
+    """Return the error that the film has no loops for a mode; mode: its name."""
+    return NothingToUse(
+        f"mode {mode}: the film has no loops by which it could go on for ever",
+        "a film in which similar frames return, with a loop at least every few seconds",
+        "take a longer film, let more frames join (loops.distance_threshold, "
+        "distance.max_distance_steps), or another mode: network needs no loops",
+    )
