@@ -42,8 +42,8 @@ from finloop.io.table import save_csv_in_blocks
 from finloop.io.video import load_mask
 from finloop.morph.pairs import load_pairing
 from finloop.realism.blind import ANSWERS
+from finloop.show.drawn import FIELDS
 from finloop.stimulus.display import load_display
-from finloop.stimulus.drawn import FIELDS
 from finloop.stimulus.log import FORMAT, SESSION, FrameFacts, Log
 from finloop.stimulus.protocol_file import load_protocol
 from finloop.stimulus.replay import open_session_record, read_displayed_frames

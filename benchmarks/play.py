@@ -27,8 +27,8 @@ from benchmarks.pipeline import ROOT, prepare_folder, run_stage, write_table
 from finloop.live.message import SetGoal
 from finloop.live.server import TankHost, create_tank_server
 from finloop.live.view import TankView
-from finloop.live.web import bind_socket
-from stages.play import PAGE, open_view
+from finloop.show.web import bind_socket
+from stages.play import open_view
 
 FISH, FRAMES, CLICKS, MESSAGES = 4, 3000, 60, 10_000
 SIZE = ["clip=carp", "clip.width_px=1280", "clip.height_px=720", "clip.frames=750"]
@@ -40,7 +40,7 @@ def serve_tank(view: TankView) -> Iterator[ClientConnection]:
     """Run the server in a thread; yield the connection of a page."""
     with bind_socket(0) as listens:
         up, address = threading.Event(), f"127.0.0.1:{listens.getsockname()[1]}"
-        server = create_tank_server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
+        server = create_tank_server(view, listens, up.set)
         runs = threading.Thread(target=server.serve_until_stopped)
         runs.start()
         up.wait()

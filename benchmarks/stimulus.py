@@ -35,7 +35,7 @@ from websockets.typing import Origin
 from benchmarks.pipeline import write_table
 from finloop.io.journal import save_journal
 from finloop.project import Project
-from finloop.stimulus.drawn import PICTURE, X, Y
+from finloop.show.drawn import PICTURE, X, Y
 from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.order import order_trials
 from finloop.stimulus.protocol import Protocol, RuleSpec

@@ -35,10 +35,10 @@ from finloop.io.video import VideoFacts
 from finloop.project import EditSources, Project
 from finloop.render.gallery import fish_by_tick
 from finloop.render.painter import Box
+from finloop.show.alone import build_standalone_page
+from finloop.show.drawn import drawn_states
+from finloop.show.pictures import PagePictures
 from finloop.sprites.choice import SEQUENCES, SIDES
-from finloop.stimulus.drawn import drawn_states
-from finloop.stimulus.page import build_standalone_page
-from finloop.stimulus.pictures import PagePictures
 from stages.settings import load_settings
 
 OUT, REPORT = Path("data/export"), Path("reports/export")

@@ -10,10 +10,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
-import finloop.live
 from finloop.edit.modes import MODES, ONE_FISH
 from finloop.edit.pictures import cross_fade_distance
 from finloop.edit.schema import FRAME, SPRITE
@@ -21,15 +19,14 @@ from finloop.live.message import MOST_FISH
 from finloop.live.server import create_tank_server
 from finloop.live.tank import LiveTank, warm_up_paths
 from finloop.live.view import TankView
-from finloop.live.web import HOST, bind_socket
 from finloop.modes.animator import Animator
 from finloop.modes.matching import NothingToUse
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, build_cutout_sets
 from finloop.render.painter import Painter, Shadow
+from finloop.show.web import HOST, bind_socket
 from stages.settings import load_settings
 
-PAGE = Path(finloop.live.__file__).with_name("play.html")
 PORT = 8750
 PICTURES = 2048  # kept in memory, because the film repeats
 
@@ -112,8 +109,7 @@ def main() -> None:
         try:
             mode = options.mode or ("matching" if (options.fish or 1) > 1 else "hybrid")
             with open_view(mode, options.fish, options.seed) as view:
-                page = PAGE.read_text(encoding="utf-8")
-                create_tank_server(view, page, listens, announce).serve_until_stopped()
+                create_tank_server(view, listens, announce).serve_until_stopped()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)
 

@@ -22,15 +22,15 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import PX
 from finloop.io.atomic import save_bytes
 from finloop.io.journal import hold_journal, save_journal
-from finloop.live.web import HOST, AccessPolicy, AppServer, bind_socket
 from finloop.plan.load_paths import load_track_or_file
 from finloop.project import Project
+from finloop.show.alone import build_standalone_page
+from finloop.show.web import HOST, AccessPolicy, AppServer, bind_socket
 from finloop.stimulus.inputs import receive_datagrams
 from finloop.stimulus.listing import describe_points, describe_protocol
 from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.motion import plan_all_trials
 from finloop.stimulus.order import order_trials
-from finloop.stimulus.page import build_standalone_page
 from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.protocol_file import load_protocol, parse_protocol
 from finloop.stimulus.recorded import (

@@ -17,12 +17,12 @@ from finloop.edit.schema import FRAME
 from finloop.live.tank import warm_up_paths
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, build_cutout_sets
+from finloop.show.feed import Feed, TankCanvas
+from finloop.show.pictures import PagePictures
 from finloop.stimulus.display import load_display
-from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT
 from finloop.stimulus.motion import TrialContext, warm_up_stimulus
 from finloop.stimulus.order import Trial
-from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import Protocol
 from finloop.stimulus.screen import ScreenCheck
 from stages.modes.matching import open_mode

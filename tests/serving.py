@@ -7,7 +7,7 @@ from typing import Any
 
 from conftest import PATIENCE_S
 
-from finloop.live.web import bind_socket
+from finloop.show.web import bind_socket
 
 
 @contextmanager

@@ -23,10 +23,11 @@ from finloop.edit.modes import MODES, ONE_FISH
 from finloop.live import fish as play_fish
 from finloop.live.message import LONGEST, MOST_PLACES, parse_message
 from finloop.live.server import BEHIND, PageClient, TankHost, create_tank_server
-from finloop.live.web import bind_socket, cancel_task
 from finloop.render.gallery import Gallery
+from finloop.show.page import read_page_file
+from finloop.show.web import bind_socket, cancel_task
 from finloop.social.zones import Zones
-from stages.play import PAGE, _build_parser
+from stages.play import _build_parser
 
 GOOD = [
     {"do": "goal", "fish": 0, "x": 10.5, "y": 20, "drag": True}, {"do": "goal", "fish": None, "x": 0, "y": 0, "drag": False},
@@ -61,10 +62,10 @@ def tank(view=None, ends_with=None, **how):
 
     ends_with: the error that ends it.
     """
-    view, page = view or view_of(**how), PAGE.read_text(encoding="utf-8")
+    view = view or view_of(**how)
 
     def make_server(listens, _port, started):
-        return create_tank_server(view, page, listens, started)
+        return create_tank_server(view, listens, started)
 
     with serving(make_server, ends_with) as (address, _):
         yield address, view
@@ -303,7 +304,7 @@ def test_only_its_own_page_is_let_in():
     with tank() as (address, _):
         port = address.split(":")[1]
         answer, body = got(address)
-        assert answer.status == 200 and body == PAGE.read_bytes()
+        assert answer.status == 200 and body == read_page_file("play.html").encode()
         assert "default-src 'none'" in answer.getheader("content-security-policy")
         assert got(address, host=f"localhost:{port}")[0].status == 200
         evil = f"evil.example:{port}"

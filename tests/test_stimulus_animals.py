@@ -24,7 +24,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line
 from finloop.drawn import TRUTH
 from finloop.io.table import load_table
-from finloop.live.web import bind_socket
+from finloop.show.web import bind_socket
 from finloop.stimulus.animals import TAKEN, LiveAnimals, TankGeometry
 from finloop.stimulus.inputs import parse_datagram, parse_osc_packet, receive_datagrams
 from finloop.stimulus.protocol import AnimalSettings as Settings

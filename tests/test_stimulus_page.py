@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-from importlib.resources import files
 
 import cv2
 import numpy as np
@@ -11,14 +10,20 @@ import pytest
 from browser import Visit, chromium, hold_time, visit
 
 from finloop.base.errors import FinloopError
-from finloop.live.page import pack_message
 from finloop.puppet import PlacedBackbone
 from finloop.render.painter import BentPicture, Painter, pad_picture
+from finloop.show.alone import build_standalone_page
+from finloop.show.drawn import POSTURE
+from finloop.show.page import (
+    DRAWING,
+    build_display_page,
+    join_scripts,
+    pack_message,
+    read_page_file,
+)
+from finloop.show.pictures import PagePicture, PicturePlacement, measure_typical_fish
 from finloop.stimulus.display import DisplayCalibration
-from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.log import parse_frame_records
-from finloop.stimulus.page import DRAWING, build_display_page, build_standalone_page, join_scripts
-from finloop.stimulus.pictures import PagePicture, PicturePlacement, measure_typical_fish
 
 STEPS, LENGTH = 24, 80.0
 HEIGHT, WIDTH = 240, 320
@@ -836,7 +841,7 @@ def test_a_page_refuses_a_motion_without_pictures_or_ticks():
 def test_every_page_has_one_script_and_one_style_for_the_policy():
     states = np.stack([state_of(STRAIGHT)])
     alone = build_standalone_page("x", 10.0, tank_of(9, 9), {10: fish_of()}, states)
-    desk = files("finloop.stimulus").joinpath("page/experimenter.html").read_text("utf-8")
+    desk = read_page_file("experimenter.html")
     for page in (build_display_page(), alone, desk):
         for tag in ("script", "style"):
             assert page.count(f"<{tag}") == page.count(f"</{tag}>") == 1

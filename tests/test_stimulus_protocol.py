@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from finloop.base.errors import FinloopError
+from finloop.show.drawn import ALPHA, HEADING, LOOK, MIRRORED, PARTNER, PICTURE, POSTURE, X, Y
 from finloop.stimulus.animals import Verdict
-from finloop.stimulus.drawn import ALPHA, HEADING, LOOK, MIRRORED, PARTNER, PICTURE, POSTURE, X, Y
 from finloop.stimulus.listing import describe_protocol
 from finloop.stimulus.motion import (
     TrialSetup,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from finloop.base.errors import FinloopError
+from finloop.show.drawn import ALPHA, PICTURE, POSTURE, X, Y
 from finloop.stimulus.display import DisplayCalibration
-from finloop.stimulus.drawn import ALPHA, PICTURE, POSTURE, X, Y
 from finloop.stimulus.listing import describe_points
 from finloop.stimulus.screen import ScreenCheck
 from finloop.stimulus.tracker import TrackerSettings

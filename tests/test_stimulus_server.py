@@ -28,8 +28,8 @@ from websockets.sync.client import connect
 
 import stages.stimulus
 from finloop.io.journal import save_journal
-from finloop.live import web
-from finloop.live.web import MOST_PLAIN, AccessPolicy, AppServer, PlainConnection, bind_socket
+from finloop.show import web
+from finloop.show.web import MOST_PLAIN, AccessPolicy, AppServer, PlainConnection, bind_socket
 from finloop.stimulus.desk import handle_request, session_status
 from finloop.stimulus.inputs import receive_datagrams
 from finloop.stimulus.log import SESSION

@@ -24,15 +24,15 @@ from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
 from finloop.extract.matte import drop_residue
 from finloop.io.journal import hold_journal, read_journal, save_journal
-from finloop.live.page import pack_message
 from finloop.render.gallery import CutoutSet, Gallery
+from finloop.show.drawn import ALPHA, PARTNER, PICTURE, X, Y
+from finloop.show.limits import Budget
+from finloop.show.page import pack_message
+from finloop.show.pictures import PagePictures
 from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.desk import handle_request
-from finloop.stimulus.drawn import ALPHA, PARTNER, PICTURE, X, Y
-from finloop.stimulus.limits import Budget
 from finloop.stimulus.log import SESSION, FrameFacts, Log, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialSetup, plan_motion
-from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.recorded import DryClock, TimedMessage
 from finloop.stimulus.replay import open_session_record, read_displayed_frames, replan_session
 from finloop.stimulus.summary import (

@@ -9,11 +9,11 @@ from toy_tank import Drops, toy_players
 from finloop.edit.schema import FRAME
 from finloop.io.journal import save_journal
 from finloop.render.gallery import CutoutSet, Gallery
-from finloop.stimulus.feed import Feed, TankCanvas
+from finloop.show.feed import Feed, TankCanvas
+from finloop.show.pictures import PagePictures
 from finloop.stimulus.log import FORMAT, SESSION, Log
 from finloop.stimulus.motion import TrialContext
 from finloop.stimulus.order import order_trials
-from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol_file import parse_protocol
 from finloop.stimulus.recorded import DryClock, TimedMessage
 from finloop.stimulus.replay import open_session_record

@@ -1,10 +1,11 @@
 """The messages of a page to the live tank: JSON, strictly parsed; all else is no message."""
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
 from finloop.edit.modes import Mode
+from finloop.show.message import Number, StrictModel, parse_json
 
 MOST_FISH = 8
 MOST_PLACES = 500  # of a path
@@ -12,35 +13,9 @@ LONGEST = 16_000  # bytes of a message
 MOST_WEIGHT = 5.0  # of a zone
 SLOWEST, FASTEST = 0.1, 8.0  # times as fast as filmed
 
-Number = Annotated[int, Field(ge=0, lt=2**53)]
 Place = Annotated[float, Field(ge=-1e5, le=1e5)]
 Weight = Annotated[float, Field(ge=0, le=MOST_WEIGHT)]
 FishIndex = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
-
-Content = TypeVar("Content")
-
-
-class StrictModel(BaseModel):
-    """Base of all messages: exactly the named fields and types, and only finite numbers."""
-
-    model_config = ConfigDict(
-        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
-
-
-def parse_json(
-    adapter: TypeAdapter[Content], text: str | bytes | None, longest: int = LONGEST
-) -> Content | None:
-    """Return the content of a JSON text; None if it is too long, not JSON, or of another type.
-
-    adapter: the wanted type. longest: most bytes of the text.
-    """
-    if text is None or len(text) > longest:
-        return None
-    try:
-        return adapter.validate_json(text)
-    except (ValidationError, UnicodeError):
-        return None
 
 
 class SetGoal(StrictModel):
@@ -169,4 +144,4 @@ _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(Annotated[PageRequest, Field(di
 
 def parse_message(text: str | bytes | None) -> PageRequest | None:
     """Return the request in a page's JSON text; None if it is too long, not JSON, or invalid."""
-    return parse_json(_REQUEST, text)
+    return parse_json(_REQUEST, text, LONGEST)

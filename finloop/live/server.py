@@ -16,7 +16,8 @@ from starlette.websockets import WebSocket
 
 from finloop.live.message import AdvanceTick, FrameDrawn, PageRequest, SetGoal, parse_message
 from finloop.live.view import TankView
-from finloop.live.web import (
+from finloop.show.page import read_page_file
+from finloop.show.web import (
     GONE,
     LARGEST,
     AccessPolicy,
@@ -183,16 +184,17 @@ class TankHost:
 
 
 def create_tank_server(
-    view: TankView, page: str, listens: socket.socket, started: Callable[[], None]
+    view: TankView, listens: socket.socket, started: Callable[[], None]
 ) -> AppServer:
     """Return the web server of a live tank: its page at `/`, its WebSocket at `/tank`.
 
-    page: the HTML. listens: the bound socket. started: called once the server can be reached.
+    listens: the bound socket. started: called once the server can be reached.
     """
     host, policy = TankHost(view), AccessPolicy(listens.getsockname()[1])
     # What a page sent too fast waits in a small buffer: its rest is soon read after it has left.
     listens.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, LARGEST)
     sockets = [SocketRoute("/tank", host.serve_page, MOST_PAGES)]
+    pages = {"/": read_page_file("play.html")}
     return AppServer(
-        listens, policy, {"/": page}, sockets, tasks=lambda: [host.run_tank()], started=started
+        listens, policy, pages, sockets, tasks=lambda: [host.run_tank()], started=started
     )

@@ -14,13 +14,13 @@ from finloop.edit.schema import VERDICTS
 from finloop.edit.stretch import describe_decision
 from finloop.live import message
 from finloop.live.fish import DecisionRecord, LiveFish, PathTask, RuleTask
-from finloop.live.page import pack_message
 from finloop.live.tank import LiveTank
 from finloop.plan.graph import MotionGraph
 from finloop.plan.plan import CandidateVerdicts
 from finloop.plan.planner import Planner
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter
+from finloop.show.page import pack_message
 
 _TRAIL_S, _TRAIL_EVERY = 2.0, 2  # duration of the trail behind a fish; ticks between its points
 _PATH_S, _PATH_EVERY = 1.5, 2  # duration of a candidate's path; ticks between its points

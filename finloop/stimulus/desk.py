@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 from starlette.websockets import WebSocket
 
-from finloop.live.message import StrictModel, parse_json
-from finloop.live.web import GONE, LARGEST, cancel_task, receive_messages
-from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
-from finloop.stimulus.limits import PAGE_MESSAGES, PAGE_MESSAGES_PER_S, Budget
+from finloop.show.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
+from finloop.show.limits import PAGE_MESSAGES, PAGE_MESSAGES_PER_S, Budget
+from finloop.show.message import StrictModel, parse_json
+from finloop.show.web import GONE, LARGEST, cancel_task, receive_messages
 from finloop.stimulus.listing import list_requirements
 from finloop.stimulus.session import Session
 

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes
-from finloop.live.message import StrictModel
+from finloop.show.message import StrictModel
 
 VERSION = 1
 _MOST_BYTES = 1_000_000  # of a file

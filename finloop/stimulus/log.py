@@ -26,7 +26,7 @@ import pyarrow as pa
 
 from finloop.base.schema import ANY, Column, Schema, columns
 from finloop.io.journal import Journal
-from finloop.stimulus.drawn import FIELDS, PICTURE, States
+from finloop.show.drawn import FIELDS, PICTURE, States
 
 FORMAT = 1
 """Version of the log; this program reads no other."""

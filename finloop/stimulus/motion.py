@@ -20,8 +20,7 @@ from finloop.base.line import TANK
 from finloop.edit.bodies import Bodies
 from finloop.io.line import load_line
 from finloop.live.tank import LiveTank
-from finloop.stimulus.animals import LiveAnimals, PlacePx, TankGeometry
-from finloop.stimulus.drawn import (
+from finloop.show.drawn import (
     ALPHA,
     HEADING,
     LOOK,
@@ -31,6 +30,7 @@ from finloop.stimulus.drawn import (
     States,
     drawn_states,
 )
+from finloop.stimulus.animals import LiveAnimals, PlacePx, TankGeometry
 from finloop.stimulus.order import Trial
 from finloop.stimulus.protocol import Condition, MotionChange, Protocol
 from finloop.stimulus.rules import find_rule_target

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, model_validator
 
-from finloop.live.message import StrictModel
+from finloop.show.message import StrictModel
 from finloop.stimulus.tracker import TrackerSettings
 
 MOST_FISH = 64

@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 
 from finloop.base.errors import FinloopError
 from finloop.io.journal import read_header
+from finloop.show.drawn import FIELDS, PICTURE, States
 from finloop.stimulus.animals import TAKEN, LiveAnimals
-from finloop.stimulus.drawn import FIELDS, PICTURE, States
 from finloop.stimulus.log import FORMAT, SESSION, digest_states
 from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion
 from finloop.stimulus.order import Trial

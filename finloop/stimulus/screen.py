@@ -6,8 +6,8 @@ import numpy as np
 from skimage.transform import ProjectiveTransform
 
 from finloop.base.arrays import Floats, Mask
+from finloop.show.drawn import ALPHA, PICTURE, States, X, Y
 from finloop.stimulus.display import DisplayCalibration
-from finloop.stimulus.drawn import ALPHA, PICTURE, States, X, Y
 
 _UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 

@@ -21,9 +21,12 @@ from urllib.parse import urlsplit
 from pydantic import Field, TypeAdapter
 from starlette.websockets import WebSocket
 
-from finloop.live.message import StrictModel, parse_json
-from finloop.live.page import pack_message
-from finloop.live.web import (
+from finloop.show.drawn import POSTURE
+from finloop.show.feed import Feed
+from finloop.show.limits import PAGE_MESSAGES, PAGE_MESSAGES_PER_S, Budget
+from finloop.show.message import StrictModel, parse_json
+from finloop.show.page import build_display_page, pack_message, read_page_file
+from finloop.show.web import (
     BUSY,
     GONE,
     LARGEST,
@@ -35,11 +38,7 @@ from finloop.live.web import (
 )
 from finloop.stimulus.desk import KeyPress, serve_experimenter
 from finloop.stimulus.display import DisplayCalibration, PixelRatio, Pixels, save_display
-from finloop.stimulus.drawn import POSTURE
-from finloop.stimulus.feed import Feed
-from finloop.stimulus.limits import PAGE_MESSAGES, PAGE_MESSAGES_PER_S, Budget
 from finloop.stimulus.log import parse_frame_records
-from finloop.stimulus.page import build_display_page, read_page_file
 from finloop.stimulus.replay import DisplayedFrame
 from finloop.stimulus.session import RealClock, Session
 

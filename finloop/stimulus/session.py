@@ -16,9 +16,9 @@ from datetime import datetime
 from functools import partial
 from typing import Any, NamedTuple
 
+from finloop.show.drawn import States
+from finloop.show.feed import EARLY_S, Feed
 from finloop.stimulus.animals import TAKEN, LiveAnimals, Verdict
-from finloop.stimulus.drawn import States
-from finloop.stimulus.feed import EARLY_S, Feed
 from finloop.stimulus.limits import InputLimits
 from finloop.stimulus.log import FrameFacts, Log, digest_states, parse_frame_records
 from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion

@@ -17,8 +17,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from finloop.base.arrays import Floats
+from finloop.show.drawn import FIELDS
 from finloop.stimulus.animals import Verdict
-from finloop.stimulus.drawn import FIELDS
 from finloop.stimulus.log import SESSION
 from finloop.stimulus.replay import SessionRecord
 

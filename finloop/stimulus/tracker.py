@@ -20,7 +20,7 @@ from skimage.transform import AffineTransform, ProjectiveTransform, SimilarityTr
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.live.message import Number, StrictModel, parse_json
+from finloop.show.message import Number, StrictModel, parse_json
 
 MOST_AT_ONCE = 64
 """The most sightings in a message, and the most animals at once."""

@@ -1,39 +1,20 @@
-"""The pages that show a stimulus, each one HTML text with all that it needs.
-
-A page has exactly one script and one style, from the files in `page/`, so that its policy can
-forbid the browser to run anything else.
-"""
+"""The page that plays a motion by itself, without a server or a network."""
 
 import base64
 import html
 import zlib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
-from finloop.live.page import make_content_policy, pack_message
-from finloop.stimulus.drawn import POSTURE, States
-from finloop.stimulus.pictures import PagePicture, list_shown_rows, measure_typical_fish
+from finloop.show.drawn import POSTURE, States
+from finloop.show.page import DRAWING, build_page, make_content_policy, pack_message
+from finloop.show.pictures import PagePicture, list_shown_rows, measure_typical_fish
 
-DRAWING = ("strip.js", "shaders.js", "view.js", "draw.js", "motion.js")
-"""The scripts that draw and move the fish, on both pages."""
-_FILES = Path(__file__).with_name("page")
 _FILM_LOOK: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": None}
-
-
-def join_scripts(*names: str) -> str:
-    """Return some JavaScript files of the folder `page`, joined to one script in strict mode."""
-    return '"use strict";\n' + "\n".join(read_page_file(name) for name in names)
-
-
-def build_display_page() -> str:
-    """Return the HTML of the page that the live animals see; its server sends what it shows."""
-    code = join_scripts(*DRAWING, "levels.js", "panel.js", "display.js")
-    return read_page_file("display.html").replace("/*script*/", code)
 
 
 def build_standalone_page(
@@ -62,8 +43,7 @@ def build_standalone_page(
     }  # fmt: skip
     parts = [floor.tobytes(), *(picture.to_bytes() for picture in pictures.values())]
     data = pack_message(facts, b"".join([*parts, np.asarray(motion, "<f4").tobytes()]))
-    page = read_page_file("alone.html").replace("/*title*/", html.escape(title))
-    page = page.replace("/*script*/", join_scripts(*DRAWING, "alone.js"))
+    page = build_page("alone.html", *DRAWING, "alone.js").replace("/*title*/", html.escape(title))
     page = page.replace("/*policy*/", make_content_policy(page, "img-src data:"))
     return page.replace("/*data*/", base64.b64encode(zlib.compress(data, 9)).decode())
 
@@ -80,8 +60,3 @@ def _refuse_unplayable(motion: States, pictures: Mapping[int, PagePicture]) -> N
             f"{len(missing)} pictures are missing, {missing[0]} first",
             "every picture that the motion names", "give these pictures, too",
         )  # fmt: skip
-
-
-def read_page_file(name: str) -> str:
-    """Return the text of a file in the folder `page`."""
-    return (_FILES / name).read_text(encoding="utf-8")

@@ -29,7 +29,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from finloop.base.errors import FinloopError
-from finloop.live.page import make_content_policy
+from finloop.show.page import make_content_policy
 
 HOST = "127.0.0.1"
 BUSY, STRANGER = 1013, 1008  # codes of closing a WebSocket

@@ -10,7 +10,7 @@ from finloop.base.arrays import Floats, Picture
 from finloop.edit.schema import FRAME
 from finloop.extract.matte import drop_residue
 from finloop.render.gallery import Gallery
-from finloop.stimulus.drawn import PARTNER, PICTURE, States
+from finloop.show.drawn import PARTNER, PICTURE, States
 
 _SAMPLE = 100  # pictures from which a typical one is made
 _LIGHT = np.array([0.2126, 0.7152, 0.0722])  # of red, green, blue (ITU-R BT.709)

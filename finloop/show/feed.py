@@ -4,7 +4,7 @@ Their form is that of `pack_message`; the text's `kind` says what a message is:
 
 - hello: what is the same in a session; payload: the empty tank.
 - picture: a picture of the film, for a slot of the page's memory; payload: its posture, its pixels.
-- rows: the states of a tick, DRAWN (`finloop.stimulus.drawn`). `cut`: those sent for that tick and
+- rows: the states of a tick, DRAWN (`finloop.show.drawn`). `cut`: those sent for that tick and
   later ones are void; the page goes on from what it shows to this state.
 - clear: shows no fish from now on. frame: states to draw unchanged, for a replay.
 - say: a text in front of the display. pong: the answer to a ping, for the clocks.
@@ -18,9 +18,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from finloop.base.arrays import Picture
-from finloop.live.page import pack_message
-from finloop.stimulus.drawn import States
-from finloop.stimulus.pictures import PagePicture, list_shown_rows
+from finloop.show.drawn import States
+from finloop.show.page import pack_message
+from finloop.show.pictures import PagePicture, list_shown_rows
 
 MEMORY = 256 * 2**20  # bytes of all slots
 FEWEST, MOST = 256, 1024  # slots; WebGL 2 promises 256
