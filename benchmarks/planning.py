@@ -25,9 +25,10 @@ REACTIONS, MOST_WAIT = 500, 30  # goals; ticks between two of them
 
 
 def start_tank() -> None:
-    """Open the live tank and show its first frame."""
+    """Open the live tank and make what a page gets first."""
     with open_view("hybrid", None, 0) as view:
-        view.render_frame()
+        view.opening_messages()
+        view.frame_messages()
 
 
 def time_planning() -> None:

@@ -1,8 +1,8 @@
-"""The live tank: the time of a frame, the delay of a goal, the effect of hostile messages.
+"""The live tank: the time of a tick, the delay of a goal, the effect of hostile messages.
 
 `python -m benchmarks.play` prints the table and writes benchmarks/play.csv. Four fish in mode
 `matching` get a new goal every second: on a drawn carp in colour at 1280×720, and on the results in
-data/. A frame is a tick of every fish, drawn, encoded as JPEG, with its text.
+data/. A tick is planned for every fish and made into messages; the page draws it.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,12 +26,12 @@ from websockets.typing import Origin
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare_folder, run_stage, write_table
 from finloop.live.message import SetGoal
-from finloop.live.server import TankHost, create_tank_server
+from finloop.live.server import TankHub, create_tank_server
 from finloop.live.view import TankView
 from finloop.show.web import bind_socket
 from stages.play import open_view
 
-FISH, FRAMES, CLICKS, MESSAGES = 4, 3000, 60, 10_000
+FISH, TICKS, CLICKS, MESSAGES = 4, 3000, 60, 10_000
 SIZE = ["clip=carp", "clip.width_px=1280", "clip.height_px=720", "clip.frames=750"]
 Row = tuple[str, str, str, float]
 
@@ -53,42 +54,47 @@ def serve_tank(view: TankView) -> Iterator[ClientConnection]:
             runs.join()
 
 
-def time_frames(view: TankView) -> np.ndarray:
-    """Return the milliseconds (n, 2) of every frame: wall time and processor time."""
-    host, rng, took = TankHost(view), np.random.default_rng(0), []
-    height, width = view.painter.canvas.shape[:2]
-    for number in range(FRAMES):
+def time_ticks(view: TankView) -> np.ndarray:
+    """Return of every tick (n, 3): wall time and processor time [ms], kB of its messages."""
+    hub, rng, took = TankHub(view), np.random.default_rng(0), []
+    height, width = view.feed.tank.floor.shape[:2]
+    for number in range(TICKS):
         wishes = []
         if number % 25 == 0:
             which, x, y = int(rng.integers(FISH)), rng.uniform(0, width), rng.uniform(0, height)
             wishes.append(SetGoal(do="goal", fish=which, x=float(x), y=float(y), drag=False))
         start = time.perf_counter(), time.process_time()
-        host.make_frame(list(wishes), 0, 1)
-        took.append((time.perf_counter() - start[0], time.process_time() - start[1]))
+        size = sum(map(len, hub.make_frame(list(wishes), 0, 1)))
+        took.append((time.perf_counter() - start[0], time.process_time() - start[1], size / 1e6))
     return 1e3 * np.array(took)
 
 
-def receive_state(page: ClientConnection) -> dict:
-    """Receive, acknowledge and return the next state."""
-    frame = page.recv(timeout=10, decode=False)
-    state = json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "little")])
-    page.send(json.dumps({"do": "seen", "frame": state["frame"]}))
-    return state
+def receive_state(page: ClientConnection, known: dict[str, Any]) -> dict[str, Any]:
+    """Receive messages up to the next state, and return it; known: what was told before."""
+    while True:
+        message = page.recv(timeout=10, decode=False)
+        facts = json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")])
+        known[facts["kind"]] = facts.get(facts["kind"])
+        if facts["kind"] == "tank":
+            return facts["tank"]
 
 
-def time_reactions(page: ClientConnection) -> np.ndarray:
-    """Return the milliseconds from a click to the first frame with a new decision."""
-    rng, took = np.random.default_rng(1), []
-    state = receive_state(page)
+def time_reactions(page: ClientConnection, width: int, height: int) -> np.ndarray:
+    """Return the milliseconds from a click to the first tick with a new decision.
+
+    width, height: of the tank, px.
+    """
+    rng, took, known = np.random.default_rng(1), [], dict[str, Any]()
+    state = receive_state(page, known)
     for _ in range(CLICKS):
         for _ in range(int(rng.integers(1, 12))):
-            state = receive_state(page)
-        x, y = rng.uniform(0.2, 0.8) * state["width"], rng.uniform(0.2, 0.8) * state["height"]
+            state = receive_state(page, known)
+        x, y = (rng.uniform(0.2, 0.8) * side for side in (width, height))
         start, tick = time.perf_counter(), state["tick"]
         page.send(json.dumps({"do": "goal", "fish": 0, "x": x, "y": y, "drag": False}))
         while True:
-            state = receive_state(page)
-            goal, decision = state["fish"][0]["goal"], state["decision"]
+            state = receive_state(page, known)
+            goal, decision = state["fish"][0]["goal"], known["decision"]
             if goal and abs(goal[0] - x) < 40 and decision and decision["tick"] > tick:
                 break
         took.append(1e3 * (time.perf_counter() - start))
@@ -107,31 +113,32 @@ def send_random_messages(page: ClientConnection) -> tuple[float, float, int]:
     process, before, start = psutil.Process(), 0.0, 0.0
     for _ in range(2):  # the first time warms up
         before, start = process.memory_info().rss / 2**20, time.perf_counter()
-        bad = receive_state(page)["bad"]
+        bad = receive_state(page, {})["bad"]
         for number, message in enumerate(messages):
             page.send(message)
             if number % 50 == 0:
-                receive_state(page)
+                receive_state(page, {})
     took = time.perf_counter() - start
     growth = process.memory_info().rss / 2**20 - before
-    return MESSAGES / took, growth, receive_state(page)["bad"] - bad
+    return MESSAGES / took, growth, receive_state(page, {})["bad"] - bad
 
 
 def measure_view(view_name: str) -> Iterator[Row]:
     """Yield the rows of the table for the results in the current folder."""
     with open_view("matching", FISH, 0) as view:
-        time_frames(view)  # compiles, and fills the caches
-        took = time_frames(view)
-        size = "×".join(map(str, view.painter.canvas.shape[1::-1]))
+        time_ticks(view)  # compiles, and fills the caches
+        took = time_ticks(view)
+        height, width = view.feed.tank.floor.shape[:2]
+        size = f"{width}×{height}"
         view_name = f"{view_name}, {size}, {FISH} fish"
         yield view_name, "ticks that could be shown", "1/s", 1e3 / took[:, 0].mean()
         for share in (50, 99, 100):
-            wall, work = np.percentile(took, share, axis=0)
-            yield view_name, f"a frame, percentile {share}", "ms", float(wall)
+            wall, work, kilobytes = np.percentile(took, share, axis=0)
+            yield view_name, f"a tick, percentile {share}", "ms", float(wall)
             yield view_name, f"its processor time, percentile {share}", "ms", float(work)
-        yield view_name, "text and picture of a frame", "kB", len(view.render_frame()) / 1000
+            yield view_name, f"its messages, percentile {share}", "kB", float(kilobytes)
         with serve_tank(view) as page:
-            reaction = time_reactions(page)
+            reaction = time_reactions(page, width, height)
             yield view_name, "click to reaction, median", "ms", float(np.median(reaction))
             yield view_name, "click to reaction, longest", "ms", float(reaction.max())
             rate, growth, bad = send_random_messages(page)

@@ -118,7 +118,7 @@ def _save_page(
     rows = list(edit[edit["tick"] < ticks].itertuples(index=False))
     states = drawn_states(rows, drawn.bodies)
     motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])  # (ticks, fish, numbers)
-    page_pictures = PagePictures(project.gallery(drawn), project.drawn_scale(p.mode))
+    page_pictures = PagePictures(project.gallery(drawn, residue=False), project.drawn_scale(p.mode))
     pictures = page_pictures.load_pictures(motion)
     text = build_standalone_page("finloop", project.rate_hz, project.background, pictures, motion)
     save_bytes(folder / "stimulus.html", text.encode())

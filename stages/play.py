@@ -14,21 +14,20 @@ from typing import Any
 
 from finloop.edit.modes import MODES, ONE_FISH
 from finloop.edit.pictures import cross_fade_distance
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.schema import FRAME
 from finloop.live.message import MOST_FISH
 from finloop.live.server import create_tank_server
 from finloop.live.tank import LiveTank, warm_up_paths
-from finloop.live.view import TankView
+from finloop.live.view import TankView, make_tank_feed
 from finloop.modes.animator import Animator
 from finloop.modes.matching import NothingToUse
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, build_cutout_sets
-from finloop.render.painter import Painter, Shadow
+from finloop.show.pictures import PagePictures
 from finloop.show.web import HOST, bind_socket
 from stages.settings import load_settings
 
 PORT = 8750
-PICTURES = 2048  # kept in memory, because the film repeats
 
 
 def open_modes(project: Project) -> dict[str, Animator]:
@@ -58,19 +57,17 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
     mode: of the first fish. fish_count: None = as many as `matching.fish`, or one in a mode of the
     paper; fewer if the tank has no room. seed: of the random choices.
     """
-    animate, render = load_settings("animate"), load_settings("render")
+    animate = load_settings("animate")
     with Project() as project:
         animators = open_modes(project)
         players = {name: animator.player for name, animator in animators.items()}
         first = next(iter(animators.values()))  # the film is the same in all modes
         pictures, most_unlike = first.pictures, animate.fade_steps * first.step  # natural steps
-        length_px = pictures.reel.scale * project.scene.typical_length_px
-        shadow = Shadow(render.shadow_darkness, render.shadow_blur * length_px)
-        living = project.living_tank(render.tank)
-        painter = Painter(project.background, shadow=shadow, tank=living)
-        stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
-        cutout_sets = build_cutout_sets(stores, project.tracks(PLACE), project.sprites)
-        gallery = Gallery(cutout_sets, project.bodies, PICTURES)
+        cutout_sets = build_cutout_sets({FRAME: project.cutouts}, project.tracks(PLACE), None)
+        gallery = Gallery(cutout_sets, project.bodies)
+        page_pictures = PagePictures(gallery, pictures.reel.scale)
+        floor, rate_hz = project.background, first.player.world.motion.rate_hz
+        feed = make_tank_feed(page_pictures, floor, rate_hz, project.bodies)
 
         def is_ghost(row: Any) -> bool:
             """Return whether a cross-fade would show a double image.
@@ -90,7 +87,7 @@ def open_view(mode: str, fish_count: int | None, seed: int) -> Iterator[TankView
         tank = LiveTank(players, mode, fish_count_wanted, seed, is_ghost)
         if len(tank.fish) < fish_count_wanted:
             print(f"play: the tank has room for {len(tank.fish)} fish", file=sys.stderr)
-        yield TankView(tank, painter, gallery)
+        yield TankView(tank, feed, project.bodies)
 
 
 def main() -> None:

@@ -123,7 +123,7 @@ def open_scene(protocol: Protocol | None = None) -> Iterator[FilmedScene]:
         animator = open_mode(project)
         reel, bodies = animator.pictures.reel, animator.pictures.bodies
         cutout_sets = build_cutout_sets({FRAME: reel.cutouts}, project.tracks(PLACE), None)
-        gallery = Gallery(cutout_sets, bodies)
+        gallery = Gallery(cutout_sets, bodies, residue=False)  # looks and grounds of its own
         mm_per_px = _mm_per_px(
             fish_mm, animator.world.motion.body_length_px, project.facts.mm_per_px, reel.scale
         )

@@ -19,7 +19,7 @@ from toy_film import (
     phases,
     spot,
 )
-from toy_tank import played_rows, read, resting_players, toy_players, view_of
+from toy_tank import played_rows, read, resting_players, shown, toy_players, view_of
 
 from finloop.animate import kinematics as step
 from finloop.animate.arena import is_legal_point
@@ -34,11 +34,10 @@ from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
 from finloop.live import fish as play_fish
 from finloop.live.fish import ROW
-from finloop.live.message import parse_message
+from finloop.live.message import MOST_FISH, parse_message
 from finloop.live.tank import LiveTank, warm_up_paths
 from finloop.modes.sprites import start_from_bend
-from finloop.render.living import LivingTank
-from finloop.render.painter import Painter
+from finloop.show.drawn import PARTNER, PICTURE, X, Y
 from stages.play import open_view
 
 
@@ -291,13 +290,13 @@ def test_the_tank_of_a_run_has_all_modes_and_draws_every_change(a_run, monkeypat
             say(view, do="mode", mode=mode)
             for _ in range(12):
                 view.advance()
-                state, _ = read(view.render_frame())
+                state, _ = shown(view)
             assert (state["mode"], state["refused"]) == (mode, "")
     with pytest.raises(FinloopError, match="mode loops cannot do 3 fish"):
         with open_view("loops", 3, 0):
             pass
     with open_view("matching", 3, 0) as view:
-        assert len(read(view.render_frame())[0]["fish"]) == 3
+        assert len(shown(view)[0]["fish"]) == 3
 
 
 # --- the past
@@ -402,7 +401,7 @@ def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
     say(view, do="pause", on=True)
     say(view, do="look", tick=20)
     say(view, do="swim_on", tick=20)
-    state, _ = read(view.render_frame())
+    state, _ = shown(view)
     assert (state["now"], state["tick"], len(state["fish"])) == (20, 20, 1)
     assert view.is_running and not state["past"] and view.explained == 0
     say(view, do="swim_on", tick=900)  # it has not been: stay
@@ -519,44 +518,91 @@ def test_fish_come_and_go():
     view.advance(5)
     say(view, do="count", fish=8)
     view.advance(5)
-    state, _ = read(view.render_frame())
+    state, _ = shown(view)
     assert len(state["fish"]) == 8 and all(state["fish"])
     say(view, do="look", tick=3)
-    state, _ = read(view.render_frame())
+    state, _ = shown(view)
     assert [fish is not None for fish in state["fish"]] == [True] * 3 + [False] * 5
     say(view, do="explain", fish=7)
     say(view, do="count", fish=1)
     assert view.explained == 0 and len(view.tank.fish) == 1
     say(view, do="goal", fish=5, x=1, y=1, drag=False)  # not there: let be
-    read(view.render_frame())
+    shown(view)
 
 
 @pytest.mark.parametrize("colour", [False, True])
-def test_a_frame_is_the_painted_tank_and_the_state(colour):
+def test_pages_are_told_what_is_there_and_where_the_fish_are(colour):
     view = view_of(fish=2, colour=colour)
     say(view, do="goal", fish=1, x=300, y=200.5, drag=False)
     view.advance(40)
-    state, picture = read(view.render_frame(3.21))
-    assert picture.shape == view.painter.frame.shape
-    painted = view.painter.frame[..., ::-1] if colour else view.painter.frame
-    assert np.abs(picture.astype(int) - painted).mean() < 2
-    for fish in state["fish"]:
-        x, y = round(fish["x"]), round(fish["y"])
-        assert np.abs(picture[y - 9 : y + 10, x - 9 : x + 10].astype(int) - 200).max() > 20
+    state, states = shown(view)
+    hello, floor = read(view.opening_messages()[0])
+    height, width = view.feed.tank.floor.shape[:2]
+    assert (hello["width"], hello["height"], hello["fish"]) == (width, height, MOST_FISH)
+    assert floor == view.feed.tank.floor.tobytes()
+    for fish, drawn in zip(state["fish"], states, strict=True):
+        assert drawn[[X, Y]] == pytest.approx([fish["x"], fish["y"]], abs=0.06)
     assert state["fish"][1]["goal"] == [300, 200.5, False] and state["fish"][0]["goal"] is None
-    assert state["tick"] == state["now"] == 40 and state["ms"] == 3.2
+    assert state["tick"] == state["now"] == 40
     x, y = state["fish"][0]["trail"][-1]
     assert np.hypot(x - state["fish"][0]["x"], y - state["fish"][0]["y"]) < 3 * STEP
 
 
-def test_rewinding_shows_the_frame_again_and_a_goal_returns_to_now():
+def test_a_picture_is_sent_once_and_before_the_fish_that_shows_it():
+    view, known = view_of("network"), set()
+    for _ in range(200):
+        view.advance()
+        for facts, payload in map(read, view.frame_messages()):
+            if facts["kind"] == "picture":
+                assert facts["picture"] not in known
+                known.add(facts["picture"])
+            if facts["kind"] == "rows":
+                states = np.frombuffer(payload, np.float32)
+                assert {states[PICTURE], states[PARTNER]} - {-1} <= known
+    for facts, _ in map(read, view.opening_messages()):
+        known.discard(facts.get("picture"))
+    assert not known  # a page that comes later gets them all
+
+
+def test_what_stays_the_same_is_not_sent_again():
+    view = view_of()
+    kinds = []
+    for _ in range(60):
+        view.advance()
+        kinds += [read(one)[0]["kind"] for one in view.frame_messages()]
+    assert kinds.count("modes") == 1 and kinds.count("tank") == 60
+    assert 1 < kinds.count("decision") < 60
+    told = [read(one)[0]["kind"] for one in view.opening_messages()]
+    assert told[-3:] == ["modes", "decision", "tank"]
+
+
+def test_a_paused_tank_and_a_past_tick_are_shown_at_once():
+    view = view_of()
+
+    def jumps():
+        [facts] = [one for one, _ in map(read, view.frame_messages(5.0)) if one["kind"] == "rows"]
+        return facts["jump"]
+
+    view.advance(30)
+    assert jumps()  # the first one: there is nothing to come from
+    view.advance()
+    assert not jumps()
+    say(view, do="look", tick=10)
+    assert jumps()
+    say(view, do="look", tick=None)
+    assert jumps()
+    view.advance()
+    assert not jumps()
+
+
+def test_rewinding_shows_the_tick_again_and_a_goal_returns_to_now():
     view = view_of()
     view.advance(30)
-    then, picture = read(view.render_frame())
+    then, drawn = shown(view)
     view.advance(25)
     say(view, do="look", tick=30)
-    state, again = read(view.render_frame())
-    assert np.array_equal(picture, again) and state["past"] and not view.is_running
+    state, again = shown(view)
+    assert np.array_equal(drawn, again) and state["past"] and not view.is_running
     for name in ("fish", "decision", "tick"):
         assert state[name] == then[name]
     say(view, do="goal", fish=None, x=300, y=200, drag=False)
@@ -662,21 +708,3 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
             others = Plans.from_paths(paths, last.tick).places_of_others(-1, last.tick)
             state = player.with_obstacles(last.state, others)
             assert player.is_clear(state._replace(fish=last.state.fish), last.stretch)
-
-
-def test_the_live_tank_shows_the_same_picture_for_the_same_tick():
-    drawn = view_of(seed=3)
-    height, width = drawn.painter.canvas.shape[:2]
-    rng = np.random.default_rng(0)
-    pictures = [rng.integers(90, 110, (height, width), np.uint8) for _ in range(10)]
-    tank = LivingTank(pictures)
-    drawn.painter = Painter(pictures[0], tank=tank)
-    frames = {}
-    for tick in range(4):
-        drawn.render_frame()
-        frames[tick] = drawn.painter.frame.copy()
-        assert (frames[tick][:3] == tank.picture_at(tick)[:3]).all()
-        drawn.advance()
-    drawn.past_tick = 1
-    drawn.render_frame()
-    assert (drawn.painter.frame == frames[1]).all()

@@ -13,11 +13,11 @@ from playwright.sync_api import expect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
-from finloop.show.page import make_content_policy, read_page_file
+from finloop.show.page import build_experimenter_page, make_content_policy
 from finloop.stimulus.animals import Verdict
 
 expect.set_options(timeout=1000 * PATIENCE_S)  # a hang ends, a busy machine does not
-PAGE = read_page_file("experimenter.html")
+PAGE = build_experimenter_page()
 WHOLE = {
     "protocol": "shoal or dot", "seed": 7, "file": "session-1.parquet", "link": "http://10.0.0.2:8751/show",
     "tank": [1200, 800], "calibrated": True, "gap_s": 0.5, "mm_per_px": 0.25, "demands": ["a calibrated display"],

@@ -17,9 +17,9 @@ from finloop.show.drawn import POSTURE
 from finloop.show.page import (
     DRAWING,
     build_display_page,
+    build_experimenter_page,
     join_scripts,
     pack_message,
-    read_page_file,
 )
 from finloop.show.pictures import PagePicture, PicturePlacement, measure_typical_fish
 from finloop.stimulus.display import DisplayCalibration
@@ -841,7 +841,7 @@ def test_a_page_refuses_a_motion_without_pictures_or_ticks():
 def test_every_page_has_one_script_and_one_style_for_the_policy():
     states = np.stack([state_of(STRAIGHT)])
     alone = build_standalone_page("x", 10.0, tank_of(9, 9), {10: fish_of()}, states)
-    desk = read_page_file("experimenter.html")
+    desk = build_experimenter_page()
     for page in (build_display_page(), alone, desk):
         for tag in ("script", "style"):
             assert page.count(f"<{tag}") == page.count(f"</{tag}>") == 1

@@ -1,20 +1,19 @@
-"""The live tank of the made-up fish, and frames taken apart, for the tests of the tank and page."""
+"""The live tank of the made-up fish, and messages taken apart, for the tests of the tank and page."""
 
 import json
 from dataclasses import replace
 from functools import cache
 
-import cv2
 import numpy as np
-from toy_film import ARENA, bodies_of, film_world_of, players_of, rich_film
+from toy_film import ARENA, RATE, bodies_of, film_world_of, players_of, rich_film
 
 from finloop.base.cutout import Cutout
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.schema import FRAME
 from finloop.live.fish import ROW
 from finloop.live.tank import LiveTank
-from finloop.live.view import TankView
+from finloop.live.view import TankView, make_tank_feed
 from finloop.render.gallery import CutoutSet, Gallery
-from finloop.render.painter import Painter
+from finloop.show.pictures import PagePictures
 
 
 @cache
@@ -43,6 +42,7 @@ class Drops:
 
     def __init__(self, count):
         self.count = count
+        self.index = {"height_px": np.full(count, 31), "width_px": np.full(count, 31)}
 
     def __len__(self):
         return self.count
@@ -53,19 +53,23 @@ class Drops:
 
 def view_of(mode="matching", fish=1, seed=0, colour=False):
     floor = np.full(ARENA.shape + ((3,) if colour else ()), 200, np.uint8)
-    frames, sprites, middle = len(rich_film().has_next), 60, (15.0, 15.0)
-    gallery = Gallery({
-        FRAME: CutoutSet(Drops(frames), np.full((frames, 2), middle)),
-        SPRITE: CutoutSet(Drops(24 * sprites), np.full((sprites, 2), middle), 24),
-    }, bodies_of(rich_film()))  # fmt: skip
-    return TankView(LiveTank(toy_players(), mode, fish, seed), Painter(floor), gallery)
+    frames, bodies = len(rich_film().has_next), bodies_of(rich_film())
+    gallery = Gallery({FRAME: CutoutSet(Drops(frames), np.full((frames, 2), 15.0))}, bodies)
+    feed = make_tank_feed(PagePictures(gallery), floor, RATE, bodies)
+    return TankView(LiveTank(toy_players(), mode, fish, seed), feed, bodies)
 
 
-def read(frame):
-    """A frame as the page takes it apart: the state, the picture."""
-    length = int.from_bytes(frame[:4], "little")
-    picture = cv2.imdecode(np.frombuffer(frame[4 + length :], np.uint8), cv2.IMREAD_UNCHANGED)
-    return json.loads(frame[4 : 4 + length]), picture
+def read(message):
+    """A message as the page takes it apart: the facts, the payload."""
+    length = int.from_bytes(message[:4], "little")
+    return json.loads(message[4 : 4 + length]), message[4 + length :]
+
+
+def shown(view):
+    """What is told of the tick on screen: the state, and the states of the fish (fish, fields)."""
+    told = {facts["kind"]: payload for facts, payload in map(read, view.frame_messages())}
+    state = view.describe_tick(view.shown_tick)
+    return state, np.frombuffer(told["rows"], np.float32).reshape(len(state["fish"]), -1)
 
 
 def played_rows(tank, ticks, fish=0):

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter
 
 from finloop.edit.modes import Mode
+from finloop.show.hub import TimeRequest
 from finloop.show.message import Number, StrictModel, parse_json
 
 MOST_FISH = 8
@@ -128,16 +129,9 @@ class SetFishCount(StrictModel):
     fish: Annotated[int, Field(ge=1, le=MOST_FISH)]
 
 
-class FrameDrawn(StrictModel):
-    """Report that the page has drawn the frame with a number."""
-
-    do: Literal["seen"]
-    frame: Number
-
-
 PageRequest = (
     SetGoal | SetPath | SetRule | SetZoneWeights | LetWander | SetMode | SetPaused | AdvanceTick
-    | SetPlaybackRate | ShowPastTick | SwimOnFromPast | ExplainFish | SetFishCount | FrameDrawn
+    | SetPlaybackRate | ShowPastTick | SwimOnFromPast | ExplainFish | SetFishCount | TimeRequest
 )  # fmt: skip
 _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(Annotated[PageRequest, Field(discriminator="do")])
 

@@ -1,14 +1,15 @@
-"""The frames of the live tank for the page: a picture, and the texts and marks over it."""
+"""What pages show of the live tank: the fish, and the texts and marks beside them."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 
 from finloop.animate.kinematics import rotate
+from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
+from finloop.edit.bodies import Bodies
 from finloop.edit.modes import MODES
 from finloop.edit.schema import VERDICTS
 from finloop.edit.stretch import describe_decision
@@ -18,39 +19,54 @@ from finloop.live.tank import LiveTank
 from finloop.plan.graph import MotionGraph
 from finloop.plan.plan import CandidateVerdicts
 from finloop.plan.planner import Planner
-from finloop.render.gallery import Gallery
-from finloop.render.painter import Painter
+from finloop.show.drawn import FILM_LOOK, PICTURE, States, drawn_states
+from finloop.show.feed import Feed, TankCanvas
 from finloop.show.page import pack_message
+from finloop.show.pictures import PagePictures
 
 _TRAIL_S, _TRAIL_EVERY = 2.0, 2  # duration of the trail behind a fish; ticks between its points
 _PATH_S, _PATH_EVERY = 1.5, 2  # duration of a candidate's path; ticks between its points
 _MOST_CANDIDATES = 40  # shown of a decision
 _MOST_PLACES = 100  # places shown of a path
-_QUALITY = 82  # JPEG
+
+
+def make_tank_feed(pictures: PagePictures, floor: Picture, rate_hz: float, bodies: Bodies) -> Feed:
+    """Return what makes the messages about the fish of a live tank.
+
+    floor: the empty tank, (h, w) or (h, w, 3) uint8. rate_hz: ticks a second. bodies: of the film.
+    """
+    height, width = pictures.largest_px
+    facts = {
+        "rate": rate_hz, "fish": message.MOST_FISH, "looks": [FILM_LOOK],
+        "posture": bodies.poses.pose.posture.shape[1],
+    }  # fmt: skip
+    return Feed(TankCanvas(floor, width, height), facts, pictures)
 
 
 @dataclass
 class TankView:
     """The live tank as a page shows it; it carries out the page's requests.
 
-    speed: playback rate relative to the film; past_tick: shown instead of the present one;
-    explained: number of the fish whose decisions are shown; frame: number of the last frame;
-    refused: why the last request was refused, "" if it was not; bad_messages, dropped_frames,
-    goals_reached: how many there were; frames are dropped for a slow page.
+    feed: makes the messages about the fish; bodies: their filmed postures. speed: playback rate
+    relative to the film; past_tick: shown instead of the present one; explained: number of the fish
+    whose decisions are shown; refused: why the last request was refused, "" if it was not;
+    bad_messages, goals_reached: how many there were.
     """
 
     tank: LiveTank
-    painter: Painter
-    gallery: Gallery
+    feed: Feed
+    bodies: Bodies
     paused: bool = False
     speed: float = 1.0
     past_tick: int | None = None
     explained: int = 0
-    frame: int = 0
     refused: str = ""
     bad_messages: int = 0
-    dropped_frames: int = 0
     goals_reached: int = 0
+    _seq: int = 0  # number of the last message about the fish
+    _was_running: bool = False  # at that message
+    _facts: dict[str, bytes] = field(default_factory=dict)  # the last messages of other kinds
+    _described: tuple[DecisionRecord, dict[str, Any]] | None = None  # the last decision
 
     @property
     def shown_tick(self) -> int:
@@ -120,33 +136,48 @@ class TankView:
             self.tank.advance()
             self.goals_reached += sum(fish.reached for fish in travelling)
 
-    def render_frame(self, took_ms: float = 0.0) -> bytes:
-        """Draw the next frame; return its description and a JPEG as bytes for the page.
+    def opening_messages(self) -> list[bytes]:
+        """Return all messages that a new page needs before those of the next tick."""
+        return [*self.feed.opening_messages(), *self._facts.values()]
 
-        took_ms: how long it took to make the frame before.
+    def frame_messages(self, due_s: float = 0.0, took_ms: float = 0.0) -> list[bytes]:
+        """Return the messages that show the present tick, or the past one on screen, to pages.
+
+        due_s: server's time at which it is shown; a past tick, or one of a paused tank, is shown at
+        once. took_ms: how long it took to make the tick before.
         """
-        self.frame += 1
-        tick, painter = self.shown_tick, self.painter
-        rows = [row for fish in self.tank.fish if (row := fish.row_at(tick)) is not None]
-        painter.show(*map(self.gallery.place_fish, rows), tick=tick)
-        picture = painter.frame
-        if picture.ndim == 3:
-            picture = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
-        jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
-        return pack_message(self.describe_tick(tick, took_ms), jpeg)
+        tick, self._seq = self.shown_tick, self._seq + 1
+        jump = not (self.is_running and self._was_running)
+        self._was_running = self.is_running
+        messages = self.feed.tick_messages(self._seq, tick, due_s, self._states(tick), jump=jump)
+        facts = self.describe_tick(tick, took_ms)
+        parts = {name: facts.pop(name) for name in ("modes", "decision")} | {"tank": facts}
+        for kind, part in parts.items():
+            content = pack_message({"kind": kind, kind: part})
+            if content != self._facts.get(kind):
+                self._facts[kind] = content
+                messages.append(content)
+        return messages
+
+    def _states(self, tick: int) -> States:
+        """Return the states (fish, fields) of all fish at a tick; without picture if not there."""
+        rows = [fish.row_at(tick) for fish in self.tank.fish]
+        drawn = drawn_states([row for row in rows if row is not None], self.bodies)
+        states = np.zeros((len(rows), drawn.shape[1]), np.float32)
+        states[:, PICTURE] = -1
+        states[[row is not None for row in rows]] = drawn
+        return states
 
     def describe_tick(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
-        """Return all that the page shows of a tick besides the picture, as values for JSON.
+        """Return all that the page shows of a tick besides the fish, as values for JSON.
 
-        The keys are those that `play.html` reads. took_ms: how long the frame before took.
+        The keys are those that `play.js` reads. took_ms: how long the tick before took.
         """
         tank, rate = self.tank, self.tank.world.motion.rate_hz
-        height, width = self.painter.canvas.shape[:2]
         explained = tank.fish[self.explained : self.explained + 1]  # [] if there is no such fish
         decision = explained[0].decision_at(tick) if explained else None
         return {
-            "frame": self.frame, "tick": tick, "now": tank.tick, "oldest": tank.oldest_tick,
-            "rate": round(rate, 3), "width": width, "height": height,
+            "tick": tick, "now": tank.tick, "oldest": tank.oldest_tick, "rate": round(rate, 3),
             "paused": self.paused, "past": self.past_tick is not None, "speed": self.speed,
             "mode": tank.mode, "modes": self._describe_modes(),
             "most": tank.most_fish or message.MOST_FISH, "touch": round(tank.world.touch_px, 1),
@@ -155,8 +186,7 @@ class TankView:
             "weights": tank.school_rule.zones.weights if tank.school_rule else None,
             "widths": tank.school_rule.zones.widths if tank.school_rule else None,
             "decision": self._describe_decision(decision) if decision else None,
-            "bad": self.bad_messages, "dropped": self.dropped_frames,
-            "reached": self.goals_reached, "ms": round(took_ms, 1),
+            "bad": self.bad_messages, "reached": self.goals_reached, "ms": round(took_ms, 1),
         }  # fmt: skip
 
     def _describe_modes(self) -> list[dict[str, str]]:
@@ -208,10 +238,12 @@ class TankView:
         candidates: film rows that could be shown next, of the decision that made the plan; more:
         how many are left out; aim: where the fish heads, x, y [px].
         """
+        if self._described is not None and self._described[0] is decision:
+            return self._described[1]
         plan = self.tank.fish[self.explained].planning_decision(decision)
         fish, stretch, options = plan.state.fish, decision.stretch, plan.stretch.options
         ranked = [] if options is None else _rank_candidates(options)
-        return {
+        facts = {
             "tick": decision.tick, "mode": decision.mode,
             "why": describe_decision(stretch.decision, decision.target_name, stretch.area),
             "x": round(fish.x, 1), "y": round(fish.y, 1),
@@ -220,6 +252,8 @@ class TankView:
             "more": max(0, len(ranked) - _MOST_CANDIDATES),
             "candidates": [self._describe_candidate(plan, k) for k in ranked[:_MOST_CANDIDATES]],
         }  # fmt: skip
+        self._described = decision, facts
+        return facts
 
     def _describe_candidate(self, plan: DecisionRecord, number: int) -> dict[str, Any]:
         """Return what the page shows of a candidate, a film row that could be shown next.

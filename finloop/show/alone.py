@@ -10,16 +10,14 @@ import numpy as np
 
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
-from finloop.show.drawn import POSTURE, States
+from finloop.show.drawn import FILM_LOOK, POSTURE, States
 from finloop.show.page import DRAWING, build_page, make_content_policy, pack_message
 from finloop.show.pictures import PagePicture, list_shown_rows, measure_typical_fish
-
-_FILM_LOOK: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": None}
 
 
 def build_standalone_page(
     title: str, rate: float, floor: Picture, pictures: Mapping[int, PagePicture], motion: States,
-    looks: Sequence[dict[str, Any]] = (_FILM_LOOK,), loops: bool = True,
+    looks: Sequence[dict[str, Any]] = (FILM_LOOK,), loops: bool = True,
 ) -> str:  # fmt: skip
     """Return the HTML of a page that plays a motion without a server or a network.
 

@@ -23,6 +23,9 @@ FIELDS = (
 X, Y, HEADING, SIZE, PICTURE, PARTNER, WEIGHT, MIRRORED, PARTNER_MIRRORED, LOOK, ALPHA = range(11)
 POSTURE = len(FIELDS)
 
+FILM_LOOK: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": None}
+"""The look, as pages read it, of fish that are drawn as filmed."""
+
 States = NDArray[np.float32]
 """States (…, fields) of fish, or (ticks, fish, fields) of a motion."""
 

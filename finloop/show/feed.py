@@ -5,7 +5,8 @@ Their form is that of `pack_message`; the text's `kind` says what a message is:
 - hello: what is the same in a session; payload: the empty tank.
 - picture: a picture of the film, for a slot of the page's memory; payload: its posture, its pixels.
 - rows: the states of a tick, DRAWN (`finloop.show.drawn`). `cut`: those sent for that tick and
-  later ones are void; the page goes on from what it shows to this state.
+  later ones are void; the page goes on from what it shows to this state. `jump`: it shows this
+  state at once.
 - clear: shows no fish from now on. frame: states to draw unchanged, for a replay.
 - say: a text in front of the display. pong: the answer to a ping, for the clocks.
 
@@ -79,16 +80,25 @@ class Feed:
         return [pack_message(hello, floor.tobytes()), *pictures, *self._recent_states.values()]
 
     def tick_messages(
-        self, seq: int, tick: int, due_s: float, states: States, replanned: bool = False
-    ) -> list[bytes]:
+        self, seq: int, tick: int, due_s: float, states: States, replanned: bool = False,
+        jump: bool = False,
+    ) -> list[bytes]:  # fmt: skip
         """Return the messages of one tick: pictures that the page lacks, then the fish's states.
 
         The message with the states is kept for pages that connect within the next ticks; seq: its
-        number. tick: number within the trial. due_s: session time at which to show it. replanned:
-        whether states sent before for this tick and later ones are void.
+        number. tick: number within the trial. due_s: server's time at which to show it. replanned:
+        whether states sent before for this tick and later ones are void. jump: whether to show it
+        at once.
         """
         pictures = self.picture_messages(states)
-        facts = {"kind": "rows", "seq": seq, "tick": tick, "due": due_s, "cut": replanned}
+        facts = {
+            "kind": "rows",
+            "seq": seq,
+            "tick": tick,
+            "due": due_s,
+            "cut": replanned,
+            "jump": jump,
+        }
         self._recent_states = {
             old: sent
             for old, sent in self._recent_states.items()

@@ -13,6 +13,8 @@ from typing import Any
 
 DRAWING = ("strip.js", "shaders.js", "view.js", "draw.js", "motion.js")
 """The scripts that draw and move the fish, on every page that shows them."""
+TANK = ("link.js", *DRAWING, "tank.js")
+"""The scripts of a page that shows what a server sends."""
 _FILES = Path(__file__).with_name("page")
 
 
@@ -27,13 +29,24 @@ def join_scripts(*names: str) -> str:
 
 
 def build_page(name: str, *scripts: str) -> str:
-    """Return the HTML of a page of the folder `page`, with its scripts in it."""
-    return read_page_file(name).replace("/*script*/", join_scripts(*scripts))
+    """Return the HTML of a page of the folder `page`, with its scripts and the style in it."""
+    page = read_page_file(name).replace("/*style*/", read_page_file("desk.css"))
+    return page.replace("/*script*/", join_scripts(*scripts))
 
 
 def build_display_page() -> str:
     """Return the HTML of the page that the live animals see; its server sends what it shows."""
-    return build_page("display.html", *DRAWING, "levels.js", "panel.js", "display.js")
+    return build_page("display.html", *TANK, "levels.js", "panel.js", "display.js")
+
+
+def build_experimenter_page() -> str:
+    """Return the HTML of the page from which a session is run."""
+    return build_page("experimenter.html", "link.js", "experimenter.js")
+
+
+def build_tank_page() -> str:
+    """Return the HTML of the page of the live tank."""
+    return build_page("play.html", *TANK, "play.js")
 
 
 def make_content_policy(page: str, sources: str) -> str:

@@ -104,15 +104,13 @@ class PagePictures:
         return {number: self(number) for number in list_shown_rows(states)}
 
     def __call__(self, number: int) -> PagePicture:
-        """Return the picture in a row of the film, shrunk; FinloopError if its file is damaged.
-
-        It has no residue (`finloop.extract.matte`): a display has grounds and looks of its own.
-        """
+        """Return the picture in a row of the film, shrunk; FinloopError if its file is damaged."""
         cutout_set, bodies = self._gallery.cutout_sets[FRAME], self._gallery.bodies
         assert bodies is not None
         cutout, (x_px, y_px) = cutout_set.store[number], cutout_set.centres_px[number]
         pose = bodies.poses.pose[number]
-        pixels, (x_scale, y_scale) = _shrink_picture(drop_residue(cutout.pixels), self._shrink)
+        whole = cutout.pixels if self._gallery.residue else drop_residue(cutout.pixels)
+        pixels, (x_scale, y_scale) = _shrink_picture(whole, self._shrink)
         # The mass centre within the shrunk picture; the centre of its first pixel is 0.
         x = (x_px - cutout.x0_px + 0.5) * x_scale - 0.5
         y = (y_px - cutout.y0_px + 0.5) * y_scale - 0.5

@@ -23,17 +23,16 @@ from starlette.websockets import WebSocket
 
 from finloop.show.drawn import POSTURE
 from finloop.show.feed import Feed
+from finloop.show.hub import Hub, Page, TimeRequest
 from finloop.show.limits import PAGE_MESSAGES, PAGE_MESSAGES_PER_S, Budget
 from finloop.show.message import StrictModel, parse_json
-from finloop.show.page import build_display_page, pack_message, read_page_file
+from finloop.show.page import build_display_page, build_experimenter_page
 from finloop.show.web import (
     BUSY,
-    GONE,
     LARGEST,
     AccessPolicy,
     AppServer,
     SocketRoute,
-    cancel_task,
     receive_messages,
 )
 from finloop.stimulus.desk import KeyPress, serve_experimenter
@@ -43,7 +42,6 @@ from finloop.stimulus.replay import DisplayedFrame
 from finloop.stimulus.session import RealClock, Session
 
 MOST_PAGES, MOST_TRACKERS = 8, 64
-_MOST_WAITING = 4096  # messages that wait for a page before it is disconnected
 _MOST_UNDRAWN = 8  # frames of a quick replay that are sent before the page has drawn them
 _SAVE_S = 0.5  # time between two writings of the log
 
@@ -73,17 +71,6 @@ class DisplayResized(StrictModel):
     ratio: PixelRatio
 
 
-class TimeRequest(StrictModel):
-    """A page's request for the session's time, and its report that it draws.
-
-    sent: ms of the page's clock. frames: how many frames it has drawn.
-    """
-
-    do: Literal["ping"]
-    sent: Annotated[float, Field(ge=-1e12, le=1e12)]
-    frames: Annotated[int, Field(ge=0, le=2**53)]
-
-
 class CalibrationMessage(StrictModel):
     """A page's message with the display's new calibration, to be stored."""
 
@@ -111,34 +98,21 @@ def parse_display_message(text: str | None) -> DisplayMessage | None:
     return parse_json(_MESSAGE, text, LARGEST)
 
 
-class DisplayPage:
-    """A connected display page, with the queue of messages to it.
+class DisplayPage(Page):
+    """A connected display page.
 
-    facts: its last message about itself, None until it is ready. frames: how many it has drawn.
+    facts: its last message about itself, None until it is ready.
     """
 
     def __init__(self, connection: WebSocket) -> None:
         """Begin with an empty queue; the page is not ready yet."""
-        self.connection, self.frames, self.is_hidden = connection, 0, False
+        super().__init__(connection)
+        self.is_hidden = False
         self.facts: DisplayReady | None = None
-        self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_MOST_WAITING)
-
-    def send(self, content: bytes) -> bool:
-        """Queue a message to the page; return whether there was room for it."""
-        try:
-            self.waiting.put_nowait(content)
-        except asyncio.QueueFull:
-            return False
-        return True
-
-    async def deliver(self) -> None:
-        """Send queued messages to the page, one after the other, until it disconnects."""
-        with contextlib.suppress(*GONE):
-            while True:
-                await self.connection.send_bytes(await self.waiting.get())
+        self.budget = Budget(PAGE_MESSAGES, PAGE_MESSAGES_PER_S)
 
 
-class DisplayHub:
+class DisplayHub(Hub[DisplayPage]):
     """Server of display pages: it answers their messages and sends messages to all of them.
 
     The page that came first is the display; the others mirror it, and their records of displayed
@@ -146,59 +120,30 @@ class DisplayHub:
     A session, a replay and a calibration have subclasses.
     """
 
-    def __init__(self, feed: Feed, read_time: Callable[[], float] = time.perf_counter) -> None:
-        """Begin without any page; feed: makes its messages; read_time: returns session time, s."""
-        self.feed, self._read_time = feed, read_time
-        self.screens: list[DisplayPage] = []
-        self._background: set[asyncio.Task[None]] = set()
-
-    def run_in_background(self, work: Coroutine[Any, Any, None]) -> None:
-        """Start a coroutine and return at once; ignore the errors of a client that has left."""
-
-        async def suppress_gone() -> None:
-            """Run the coroutine; suppress the errors of a client that has left."""
-            with contextlib.suppress(*GONE):
-                await work
-
-        task = asyncio.ensure_future(suppress_gone())
-        self._background.add(task)  # else it might be garbage-collected
-        task.add_done_callback(self._background.discard)
-
-    def send(self, content: bytes) -> None:
-        """Queue a message to all display pages; disconnect those whose queue is full."""
-        for screen in [screen for screen in self.screens if screen.facts]:
-            if not screen.send(content):
-                self._remove(screen)
-                self.run_in_background(screen.connection.close(BUSY, "too slow"))
+    page_type = DisplayPage
 
     @property
     def display(self) -> DisplayPage | None:
         """The display: the page that has been ready for longest; None if there is none."""
-        return next((screen for screen in self.screens if screen.facts), None)
+        return next((page for page in self.pages if page.is_open), None)
 
-    def _register(self, screen: DisplayPage, facts: DisplayReady) -> None:
+    def _register(self, page: DisplayPage, facts: DisplayReady) -> None:
         """Note that a page is ready; it replaces an earlier connection of the same page."""
-        if screen not in self.screens:  # it was too slow
+        if page not in self.pages:  # it was too slow
             return
-        if screen.facts is None:
-            self.screens.remove(screen)
-            self.screens.append(screen)
-        for other in self.screens:
-            if other is not screen and other.facts and other.facts.page == facts.page:
-                self.screens.remove(screen)
-                self.screens[self.screens.index(other)] = screen
+        if not page.is_open:
+            self.pages.remove(page)
+            self.pages.append(page)
+        for other in self.pages:
+            if other is not page and other.facts and other.facts.page == facts.page:
+                self.pages.remove(page)
+                self.pages[self.pages.index(other)] = page
                 self.run_in_background(other.connection.close(BUSY, "connected again"))
                 break
-        screen.facts = facts
+        page.facts, page.is_open = facts, True
         self.handle_change()
 
-    def _remove(self, screen: DisplayPage) -> None:
-        """Forget a page that has disconnected, if it is not forgotten yet."""
-        if screen in self.screens:
-            self.screens.remove(screen)
-            self.handle_change()
-
-    def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
+    def handle_message(self, page: DisplayPage, message: DisplayMessage | None) -> None:
         """Answer a display page that is ready or asks for the time; note its size.
 
         Any other message is ignored. message: None stands for an invalid one.
@@ -206,15 +151,14 @@ class DisplayHub:
         match message:
             case DisplayReady():
                 for content in self.feed.opening_messages():
-                    screen.send(content)
-                self._register(screen, message)
-            case DisplayResized() if screen.facts:
+                    page.send(content)
+                self._register(page, message)
+            case DisplayResized() if page.facts:
                 size = message.model_dump(exclude={"do"})
-                screen.facts = screen.facts.model_copy(update=size)
+                page.facts = page.facts.model_copy(update=size)
                 self.handle_change()
             case TimeRequest():
-                pong = {"kind": "pong", "sent": message.sent, "now": self._read_time()}
-                screen.send(pack_message(pong))
+                self.answer_ping(page, message)
 
     def store_calibration(self, calibration: DisplayCalibration, path: Path) -> None:
         """Write a display's calibration to a file; pages that connect from now on get it, too."""
@@ -224,26 +168,13 @@ class DisplayHub:
     def handle_frames(self, content: bytes) -> None:
         """Ignore a page's records of displayed frames; subclasses handle them."""
 
-    def handle_change(self) -> None:
-        """Do nothing when a page has come, has gone or has another size; subclasses handle it."""
-
-    async def serve_display(self, connection: WebSocket) -> None:
-        """Serve a display page until it disconnects: handle its messages, and send those to it."""
-        screen = DisplayPage(connection)
-        self.screens.append(screen)
-        delivering = asyncio.create_task(screen.deliver())
-        budget = Budget(PAGE_MESSAGES, PAGE_MESSAGES_PER_S)
-        try:
-            async for content in receive_messages(connection):
-                if not isinstance(content, bytes):
-                    may_count = budget.spend(1, self._read_time())
-                    message = parse_display_message(content) if may_count else None
-                    self.handle_message(screen, message)
-                elif self.display is screen:  # the others are mirrors
-                    self.handle_frames(content)
-        finally:
-            self._remove(screen)
-            await cancel_task(delivering)
+    def handle_content(self, page: DisplayPage, content: str | bytes | None) -> None:
+        """Handle a page's message, as far as it may send any, or its records of frames."""
+        if not isinstance(content, bytes):
+            may_count = page.budget.spend(1, self.read_time())
+            self.handle_message(page, parse_display_message(content) if may_count else None)
+        elif self.display is page:  # the others are mirrors
+            self.handle_frames(content)
 
 
 class SessionHub(DisplayHub):
@@ -255,19 +186,19 @@ class SessionHub(DisplayHub):
         self.session, self._name, self._store = session, name, store
         self._programs: set[WebSocket] = set()
 
-    def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
+    def handle_message(self, page: DisplayPage, message: DisplayMessage | None) -> None:
         """Answer a message of a display page, and pass it to the session; None: an invalid one.
 
         A calibration is stored, unless a trial runs or waits for its start.
         """
-        super().handle_message(screen, message)
+        super().handle_message(page, message)
         match message:
             case None:
                 self.session.counts.bad += 1
             case TimeRequest():
-                if message.frames > screen.frames and self.display is screen:
+                if message.frames > page.frames and self.display is page:
                     self.session.note_frame()
-                screen.frames = message.frames
+                page.frames = message.frames
             case KeyPress():
                 self.session.press_key(message.key)
             case CalibrationMessage():
@@ -279,8 +210,8 @@ class SessionHub(DisplayHub):
                     self.handle_change()
                 self.session.report_outside_event(what)
             case VisibilityMessage():
-                screen.is_hidden = message.on
-                if self.display is screen:
+                page.is_hidden = message.on
+                if self.display is page:
                     self.session.set_hidden(message.on)
 
     def handle_frames(self, content: bytes) -> None:
@@ -296,7 +227,7 @@ class SessionHub(DisplayHub):
             "refresh_hz": calibration["refresh_hz"] if calibration else None,
             "calibration": calibration, "hidden": display.is_hidden,
         }  # fmt: skip
-        self.session.set_display(facts, sum(screen.facts is not None for screen in self.screens))
+        self.session.set_display(facts, sum(page.is_open for page in self.pages))
 
     async def serve_tracker(self, connection: WebSocket) -> None:
         """Serve a tracker until it disconnects: pass its messages to the session."""
@@ -337,9 +268,9 @@ class CalibrationHub(DisplayHub):
         super().__init__(feed)
         self._store, self._done = store, done
 
-    def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
+    def handle_message(self, page: DisplayPage, message: DisplayMessage | None) -> None:
         """Answer a message of a display page; store a calibration that it holds."""
-        super().handle_message(screen, message)
+        super().handle_message(page, message)
         if isinstance(message, CalibrationMessage):
             self.store_calibration(message.display, self._store)
             self._done()
@@ -361,9 +292,9 @@ class ReplayHub(DisplayHub):
         self.shown, self.compared = 0, 0
         self.different: list[int] = []
 
-    def handle_message(self, screen: DisplayPage, message: DisplayMessage | None) -> None:
+    def handle_message(self, page: DisplayPage, message: DisplayMessage | None) -> None:
         """Answer a message of a display page; the first ready display begins the replay."""
-        super().handle_message(screen, message)
+        super().handle_message(page, message)
         if isinstance(message, DisplayReady):
             self._connected.set()
 
@@ -440,10 +371,10 @@ def create_session_server(
 
     sockets = [
         SocketRoute("/experimenter", partial(serve_experimenter, session), MOST_PAGES),
-        SocketRoute("/display", hub.serve_display, MOST_PAGES),
+        SocketRoute("/display", hub.serve_page, MOST_PAGES),
         SocketRoute("/animals", hub.serve_tracker, MOST_TRACKERS, programs=True),
     ]
-    pages = {"/": read_page_file("experimenter.html"), "/show": build_display_page()}
+    pages = {"/": build_experimenter_page(), "/show": build_display_page()}
     return AppServer(
         listens, policy, pages, sockets, started=started,
         tasks=lambda: [session.run_trials(), save_log(), *inputs()],
@@ -466,7 +397,7 @@ def create_display_server(
             await hub.run_replay()
             server.should_exit = True
 
-    sockets = [SocketRoute("/display", hub.serve_display, most=1)]
+    sockets = [SocketRoute("/display", hub.serve_page, most=1)]
     pages = {"/": build_display_page()}
     server = AppServer(
         listens, policy, pages, sockets, tasks=lambda: [run_replay_and_stop()], started=started

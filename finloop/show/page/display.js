@@ -6,11 +6,8 @@ const KEPT = 4096;            // records that wait while the connection is lost
 const EMPTY_MS = 1000;        // after coming back without any rows, the fish are gone
 const HEADER = 8;             // numbers of a record before its states
 
-const $ = id => document.getElementById(id);
-const clock = new Clock(), refresh = new Refresh();
-let socket = null, hello = null, drawer = null, motion = null, panel = null;
-let display = null, states = null, last = null, lastDigest = 0, number = 0, dropped = 0, begun = false, noted = false;
-let records = [], sentAt = 0, said = "", stale = true, emptied = 0;
+let link = null, panel = null, display = null, lastDigest = 0, dropped = 0, begun = false, noted = false;
+let records = [], sentAt = 0, said = "", emptied = 0;
 
 function fullScreen() {
   if (document.fullscreenElement) document.exitFullscreen();
@@ -37,46 +34,24 @@ const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(4)), word => word
 
 // --- the server
 
-function tell(message) { if (socket && socket.readyState === 1) socket.send(JSON.stringify(message)); }
-
 function ready() {
   const {width, height, ratio} = screenNow();
-  tell({do: "ready", page: PAGE, width, height, ratio, renderer: RENDERER, agent: navigator.userAgent.slice(0, 400)});
+  link.tell({do: "ready", page: PAGE, width, height, ratio, renderer: RENDERER, agent: navigator.userAgent.slice(0, 400)});
 }
 
 function resized() {
   const {width, height, ratio} = screenNow();
-  tell({do: "resized", width, height, ratio});
+  link.tell({do: "resized", width, height, ratio});
 }
 
-function ping() { tell({do: "ping", sent: performance.now(), frames: number}); }
-
-function connect() {
-  socket = new WebSocket(`ws://${location.host}/display${location.search}`);
-  socket.binaryType = "arraybuffer";
-  socket.onmessage = event => receive(event.data, performance.now());
-  socket.onopen = () => {
-    ping();  // the clock comes first: rows that follow are placed by it
-    ready();
-    for (let i = 1; i < 6; i++) setTimeout(ping, 40 * i);
-    tell({do: "hidden", on: document.hidden});
-  };
-  // A stimulus does not report a lost connection: it shows what it has, and reconnects.
-  socket.onclose = () => { clock.renew(); setTimeout(connect, 500); };
+// A stimulus does not report a lost connection: it shows what it has, and reconnects.
+function opened() {
+  ready();
+  link.tell({do: "hidden", on: document.hidden});
 }
 
-function receive(data, now) {
-  const length = new DataView(data).getUint32(0, true);
-  const text = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
-  TAKE[text.kind]?.(text, data.slice(4 + length), now);
-}
-
-const TAKE = {
-  hello(text, tank) {
-    const same = hello && drawer && !drawer.lost && JSON.stringify(shapeOf(hello)) === JSON.stringify(shapeOf(text));
-    hello = text;
-    if (!same) begin(text, new Uint8Array(tank));
-    motion.hold(clock.at(performance.now()));
+const MORE = {
+  hello(text) {
     emptied = performance.now() + EMPTY_MS;
     display = text.display;
     resize();
@@ -85,18 +60,12 @@ const TAKE = {
     if (text.mode === "calibrate" && !panel.isOpen) panel.open(true);
     showSay();
   },
-  picture({picture, slot, width, height, line}, data) {
-    const d = hello.posture;
-    drawer.picture(picture, slot, width, height, line, new Float32Array(data, 0, d), new Uint8Array(data, 4 * d));
-    stale = true;
-    if (emptied) emptied = performance.now() + EMPTY_MS;  // rows come after all pictures
-  },
-  rows(text, data, now) {
+  picture() { if (emptied) emptied = performance.now() + EMPTY_MS; },  // rows come after all pictures
+  rows() {
     if (!begun) { begun = true; panel.open(false); }
     emptied = 0;
-    motion.rows(text, new Float32Array(data), clock.at(now));
   },
-  clear() { motion.clear(); emptied = 0; },
+  clear() { emptied = 0; },
   frame({number: of}, data) {
     const now = performance.now();
     states.fill(0);
@@ -107,35 +76,10 @@ const TAKE = {
     flush(now);
   },
   say({text}) { said = text; showSay(); },
-  pong({sent, now: server}, _, now) {
-    clock.ping(sent, server, now);
-    if (!motion || !motion.keys.length) clock.settle();
-  },
 };
 
-// The facts of a hello whose change requires a fresh start.
-function shapeOf({width: w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate,
-  typical}) {
-  return {w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate, typical};
-}
-
-function width() { return STATE.posture + hello.posture; }
-
-function begin(text, tank) {
-  const old = $("glass"), glass = old.cloneNode();
-  old.replaceWith(glass);
-  try {
-    drawer = new Drawer(glass, $("floor"), text, tank);
-  } catch (error) {
-    said = `This display cannot show fish: ${error.message}`;
-    throw error;
-  }
-  glass.addEventListener("webglcontextlost", event => { event.preventDefault(); drawer.lost = true; });
-  glass.addEventListener("webglcontextrestored", () => ready());
-  motion = new Motion(text.fish, width(), text.rate);
-  states = new Float32Array(text.fish * width());
-  last = new Float32Array(states.length);
-}
+function cannotDraw(reason) { said = `This display cannot show fish: ${reason}`; showSay(); }
+function restored() { ready(); }
 
 // --- frames
 
@@ -147,21 +91,15 @@ function frame(ms) {
   if (emptied && ms > emptied) { emptied = 0; motion.clear(); }
   const known = motion.keys.length > 0;
   dropped = known ? dropped + missed : 0;
-  const seq = motion.at(clock.at(ideal), states);
-  number += 1;
+  const seq = advance(ideal);
   show(known ? hello.fish : 0, ms, ideal, seq);
   if (ms - sentAt > EVERY_MS) flush(ms);
-  if (number % 30 === 0) ping();  // also the report that frames are drawn
+  if (number % 30 === 0) link.ping();  // also the report that frames are drawn
 }
 
 // Draw the states, and note it. ms: when the browser began the frame; ideal: when it should have.
 function show(count, ms, ideal, seq) {
-  if (stale || hello.digest || states.some((part, i) => part !== last[i])) {
-    drawer.draw(states, count);
-    drawer.gl.flush();
-    last.set(states);
-    stale = false;
-  }
+  draw(count, hello.digest);
   if (drawer.square) drawer.square.style.background = number % 2 ? "#fff" : "#000";
   const done = performance.now();
   lastDigest = hello.digest ? drawer.digest(number % 2) : 0;
@@ -179,7 +117,7 @@ function show(count, ms, ideal, seq) {
 // Send the records of the frames that were shown.
 function flush(ms) {
   sentAt = ms;
-  if (!socket || socket.readyState !== 1) return;
+  if (!link.isOpen) return;
   while (records.length) {
     const some = [];
     let bytes = 0;
@@ -189,7 +127,7 @@ function flush(ms) {
     const whole = new Uint8Array(bytes);
     let at = 0;
     for (const one of some) { whole.set(new Uint8Array(one.buffer), at); at += one.byteLength; }
-    socket.send(whole);
+    link.tell(whole);
   }
 }
 
@@ -223,12 +161,12 @@ function showSay() {
 
 let waits = 0;
 addEventListener("resize", () => { clearTimeout(waits); waits = setTimeout(() => { resize(); showSay(); resized(); }, 250); });
-document.addEventListener("visibilitychange", () => { refresh.rest(); tell({do: "hidden", on: document.hidden}); });
+document.addEventListener("visibilitychange", () => { refresh.rest(); link.tell({do: "hidden", on: document.hidden}); });
 addEventListener("keydown", event => {
   if (event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
   if (panel.isOpen && event.target.matches("input, select, textarea") && event.key !== "Escape") return;
   if (hello && hello.keys.includes(event.key)) {
-    tell({do: "key", key: event.key});
+    link.tell({do: "key", key: event.key});
     if (event.key === " " && !panel.isOpen) event.preventDefault();
     return;
   }
@@ -239,6 +177,6 @@ addEventListener("keydown", event => {
   if (key === "t" && panel.isOpen) panel.test();
 });
 
-panel = new Panel(screenNow, drawBy, one => tell({do: "display", display: one}));
-connect();
+panel = new Panel(screenNow, drawBy, one => link.tell({do: "display", display: one}));
+link = connectTank("/display", MORE, {opened, again: 500});
 requestAnimationFrame(frame);

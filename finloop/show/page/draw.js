@@ -107,9 +107,10 @@ class Drawer {
   // Draw for a screen of so many device px, as a display is calibrated.
   screen(width, height, ratio, display, mmPerPx) {
     if (this.lost) return;
-    const {gl, spec} = this;
-    this.view = viewOf(spec, width, height, display, mmPerPx);
+    const {gl, spec, floor} = this;
+    this.view = this.whole = viewOf(spec, width, height, display, mmPerPx);
     this.ratio = ratio;
+    floor.style.transform = "none"; this.aimed = false;
     this.table = display && display.gamma
       ? Uint8Array.from(display.gamma.flatMap(([r, g, b]) => [r, g, b, 255]), Math.round) : null;
     this._target("floorFrame", 1, width, height, false);
@@ -120,6 +121,15 @@ class Drawer {
     }
     this._paintFloor(display);
     this.box = null; this.warm = false;
+  }
+
+  // Look at a part of the tank, over the floor as it is: `scale` px of the screen per px of the tank,
+  // whose edge is at `left`, `top`. Between fish and floor the page may draw something of its own.
+  aim(scale, left, top) {
+    const {whole, ratio} = this, times = scale / whole.scale;
+    this.view = {...whole, scale, left, top};
+    this.aimed = true;
+    this.floor.style.transform = `translate(${(left - whole.left * times) / ratio}px, ${(top - whole.top * times) / ratio}px) scale(${times})`;
   }
 
   // A frame buffer of the screen's size, its colours in a texture.
@@ -186,7 +196,7 @@ class Drawer {
     if (!fish) return;
     const up = view.height - box[1] - box[3];  // the box's lower edge, counted from below
     if (!this.table) {
-      this._under(null, box[0], up);
+      if (!this.aimed) this._under(null, box[0], up);
       this._fish(fish, box, box[0], up);
       return;
     }

@@ -97,11 +97,16 @@ class Motion {
   }
 
   // The states of a tick arrive at `now` s, due at `due` s; cut: those of it and later are void. What
-  // comes too late, or is to be reached very soon, is reached in half a tick.
-  rows({seq, tick, due, cut}, states, now) {
+  // comes too late, or is to be reached very soon, is reached in half a tick; jump: at once.
+  rows({seq, tick, due, cut, jump}, states, now) {
     const whole = new Float32Array(this.fish * this.width);
     for (let i = 0; i < this.fish; i++) whole[i * this.width + STATE.picture] = -1;
     whole.set(states.subarray(0, Math.min(states.length, whole.length)));
+    if (jump) {
+      this.keys = [{seq, tick, t: now, states: whole}];
+      this.shows = true;
+      return;
+    }
     const late = due <= now, soonest = now + 0.5 / this.rate;
     const key = {seq, tick, t: cut || late ? Math.max(due, soonest) : due, states: whole};
     const last = this.keys[this.keys.length - 1];
