@@ -81,16 +81,25 @@ def show(options: argparse.Namespace) -> None:
         _print_points(protocol, film.context.tank.width, film.context.tank.height)
         messages = _animal_messages(options, film, protocol)
         with _open_session(options, protocol, film, RealClock(), display=calibration) as session:
-            if check := film.screen_check(options.display):
-                session.screen = check.describe_tank(), check.share_outside > 0
+            name = options.display
+            hub = SessionHub(session, name, display_file(name), partial(_check_screen, film, name))
+            if session.screen:
                 print(session.screen[0])
-            hub = SessionHub(session, options.display, display_file(options.display))
             session.connect_outputs(hub.send, hub.send_trigger)
             policy = _access_policy(options, listens)
             session.link = _page_address(options, listens, policy, "show")
             inputs = _make_inputs(options, policy, session, messages)
             announce = partial(_announce_page, options, listens, policy)
             _run_server(create_session_server(listens, policy, hub, inputs, announce))
+
+
+def _check_screen(film: FilmedScene, name: str) -> tuple[str, bool] | None:
+    """Return how much of the tank a display shows, in words, and whether it is not all of it.
+
+    name: of the display. None if it is not calibrated.
+    """
+    check = film.screen_check(name)
+    return (check.describe_tank(), check.share_outside > 0) if check else None
 
 
 def dry_run(options: argparse.Namespace) -> None:

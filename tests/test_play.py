@@ -19,7 +19,7 @@ from toy_film import (
     phases,
     spot,
 )
-from toy_tank import played_rows, read, resting_players, shown, toy_players, view_of
+from toy_tank import played_rows, read, resting_players, tick_on_screen, toy_players, view_of
 
 from finloop.animate import kinematics as step
 from finloop.animate.arena import is_legal_point
@@ -290,13 +290,13 @@ def test_the_tank_of_a_run_has_all_modes_and_draws_every_change(a_run, monkeypat
             say(view, do="mode", mode=mode)
             for _ in range(12):
                 view.advance()
-                state, _ = shown(view)
+                state, _ = tick_on_screen(view)
             assert (state["mode"], state["refused"]) == (mode, "")
     with pytest.raises(FinloopError, match="mode loops cannot do 3 fish"):
         with open_view("loops", 3, 0):
             pass
     with open_view("matching", 3, 0) as view:
-        assert len(shown(view)[0]["fish"]) == 3
+        assert len(tick_on_screen(view)[0]["fish"]) == 3
 
 
 # --- the past
@@ -401,7 +401,7 @@ def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
     say(view, do="pause", on=True)
     say(view, do="look", tick=20)
     say(view, do="swim_on", tick=20)
-    state, _ = shown(view)
+    state, _ = tick_on_screen(view)
     assert (state["now"], state["tick"], len(state["fish"])) == (20, 20, 1)
     assert view.is_running and not state["past"] and view.explained == 0
     say(view, do="swim_on", tick=900)  # it has not been: stay
@@ -518,16 +518,16 @@ def test_fish_come_and_go():
     view.advance(5)
     say(view, do="count", fish=8)
     view.advance(5)
-    state, _ = shown(view)
+    state, _ = tick_on_screen(view)
     assert len(state["fish"]) == 8 and all(state["fish"])
     say(view, do="look", tick=3)
-    state, _ = shown(view)
+    state, _ = tick_on_screen(view)
     assert [fish is not None for fish in state["fish"]] == [True] * 3 + [False] * 5
     say(view, do="explain", fish=7)
     say(view, do="count", fish=1)
     assert view.explained == 0 and len(view.tank.fish) == 1
     say(view, do="goal", fish=5, x=1, y=1, drag=False)  # not there: let be
-    shown(view)
+    tick_on_screen(view)
 
 
 @pytest.mark.parametrize("colour", [False, True])
@@ -535,7 +535,7 @@ def test_pages_are_told_what_is_there_and_where_the_fish_are(colour):
     view = view_of(fish=2, colour=colour)
     say(view, do="goal", fish=1, x=300, y=200.5, drag=False)
     view.advance(40)
-    state, states = shown(view)
+    state, states = tick_on_screen(view)
     hello, floor = read(view.opening_messages()[0])
     height, width = view.feed.tank.floor.shape[:2]
     assert (hello["width"], hello["height"], hello["fish"]) == (width, height, MOST_FISH)
@@ -598,10 +598,10 @@ def test_a_paused_tank_and_a_past_tick_are_shown_at_once():
 def test_rewinding_shows_the_tick_again_and_a_goal_returns_to_now():
     view = view_of()
     view.advance(30)
-    then, drawn = shown(view)
+    then, drawn = tick_on_screen(view)
     view.advance(25)
     say(view, do="look", tick=30)
-    state, again = shown(view)
+    state, again = tick_on_screen(view)
     assert np.array_equal(drawn, again) and state["past"] and not view.is_running
     for name in ("fish", "decision", "tick"):
         assert state[name] == then[name]

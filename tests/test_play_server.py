@@ -81,7 +81,7 @@ def say(page, **wish):
     page.send(json.dumps(wish))
 
 
-def told(page):
+def next_state(page):
     """The next state that a page is told."""
     while True:
         facts, _ = read(page.recv(timeout=PATIENCE_S))
@@ -92,7 +92,7 @@ def told(page):
 def until(page, wanted):
     """The first state that is as wanted, of a page that looks on."""
     for _ in range(4000):  # a minute's ticks at least
-        state = told(page)
+        state = next_state(page)
         if wanted(state):
             return state
     raise AssertionError(f"never as wanted; at last {state}")
@@ -356,7 +356,7 @@ def test_an_error_of_the_tank_ends_the_server_and_is_told():
     view.frame_messages = lambda *_: 1 / 0
     with tank(view, ends_with=ZeroDivisionError) as (address, _):
         with look_in(address) as page, pytest.raises(ConnectionClosed):
-            told(page)
+            next_state(page)
 
 
 # --- a browser

@@ -227,6 +227,19 @@ def test_a_connection_that_asks_for_nothing_ends(tmp_path, monkeypatch):
         assert way.ping().wait(PATIENCE_S)
 
 
+def test_who_asks_without_pause_is_not_heard_and_a_page_goes_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(web, "_REQUESTS", 5)
+    monkeypatch.setattr(web, "_REQUESTS_PER_S", 0)
+    with running(tmp_path) as (address, session), way_in(address, "animals", None) as way:
+        answers = []
+        for _ in range(20):
+            with suppress(ConnectionError):
+                answers.append(get_page(address))
+        assert answers == [200] * 4  # the program's own request is the fifth
+        way.send('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}')
+        assert wait_for(lambda: session.counts.verdicts.total())
+
+
 def test_only_connections_that_are_overdue_end():
     class Transport:
         def __init__(self, is_closing):
@@ -339,6 +352,7 @@ def test_displays_are_counted_by_identity_and_frames_are_logged_in_order(tmp_pat
                     size = {"width": width, "height": 1080, "ratio": 1}
                     first.send(json.dumps({"do": "resized"} | size))
                     assert wait_for(lambda at=width: session.display["width"] == at)
+                second.send(json.dumps({"do": "key", "key": "x"}))  # a mirror's key is not heard
                 second.send(json.dumps({"do": "hidden", "on": True}))
                 second.send(frame_record(40, 41))  # a mirror's
                 first.send(frame_record(2, 3))
@@ -357,10 +371,24 @@ def test_displays_are_counted_by_identity_and_frames_are_logged_in_order(tmp_pat
             assert wait_for(lambda: counts.frames == 6)
         assert wait_for(lambda: session.displays == 0) and session.display is None
     record = open_session_record(tmp_path / "toy.parquet")
+    assert not [row for row in record.read_rows("event") if '"key"' in row["text"]]
     # The parity stays, which the photodiode's square shows.
     assert [row["number"] for row in record.read_rows("frame")] == [2, 3, 4, 5, 7, 8]
     [_, shown] = summarise_session(record).split("## Display")
     assert shown.partition("## Timing")[0].count("1280 × 720 px") == 2
+
+
+def test_a_calibration_changes_what_is_said_of_the_screen(tmp_path):
+    session, _ = session_of(tmp_path, plan_of(CONDITIONS), RealClock())
+    said = iter([None, ("it shows all", False), ("it shows a part", True)])
+    hub = SessionHub(session, "toy", tmp_path / "display.json", lambda: next(said))
+    assert session_status(session)["screen"] is None
+    display = {"width_px": 9, "height_px": 9, "ratio": 1, "refresh_hz": 60.0}
+    for words in ("it shows all", "it shows a part"):
+        message = parse_display_message(json.dumps({"do": "display", "display": display}))
+        hub.handle_message(Mock(), message)
+        assert session_status(session, with_constants=False)["screen"][0] == words
+    session.log.close()
 
 
 def test_start_is_refused_until_the_display_reports_frames(tmp_path):

@@ -713,3 +713,23 @@ def test_a_picture_is_sent_once_and_slots_are_used_again():
     kinds = [read(one)[0]["kind"] for one in feed.opening_messages()]
     assert kinds == ["hello", *["picture"] * 256, "rows"]
     assert read(pack_message({"a": 1}, b"abc")) == ({"a": 1}, b"abc")
+
+
+def test_a_pause_counts_down_as_a_trial_does(tmp_path):
+    plan = plan_of({"a": {"seconds": 0.5} | GOALS}, repeats=2, pause_s=10)
+    session, _ = session_of(tmp_path, plan, DryClock())
+    session.waits_for_starts, left = False, {"pause": [], "running": []}
+    wait_until = session.clock.wait_until
+
+    async def note_left(time_s):
+        if session.phase in left:
+            left[session.phase].append(session.remaining_s(session.clock.read_time()))
+        await wait_until(time_s)
+
+    session.clock.wait_until = note_left
+    session.start()
+    asyncio.run(session.run_trials())
+    session.log.close()
+    pause = [seconds for seconds in left["pause"] if seconds is not None]
+    assert pause == sorted(pause, reverse=True) and max(pause) == 10 and min(pause) <= 0.1
+    assert max(left["running"]) <= 0.8 and session.remaining_s(0.0) is None

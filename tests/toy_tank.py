@@ -65,7 +65,7 @@ def read(message):
     return json.loads(message[4 : 4 + length]), message[4 + length :]
 
 
-def shown(view):
+def tick_on_screen(view):
     """What is told of the tick on screen: the state, and the states of the fish (fish, fields)."""
     told = {facts["kind"]: payload for facts, payload in map(read, view.frame_messages())}
     state = view.describe_tick(view.shown_tick)

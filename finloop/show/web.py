@@ -5,7 +5,8 @@ WebSocket to a page only if that came from there (`Origin`): no other site that 
 browser can look in or steer. A server that other machines reach also requires a token.
 
 A connection ends that neither asks for anything nor answers. There are few at a time, so that
-silent ones take no file from the program.
+silent ones take no file from the program; few are answered in a second, so that those that ask
+without pause take no time from the fish.
 """
 
 import asyncio
@@ -29,6 +30,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from finloop.base.errors import FinloopError
+from finloop.show.limits import Budget
 from finloop.show.page import make_content_policy
 
 HOST = "127.0.0.1"
@@ -39,6 +41,10 @@ PATIENCE_S = 10.0
 """How long a connection may last before it is a WebSocket, and how long it may take to close."""
 MOST_PLAIN = 32
 """Connections that are no WebSocket; one more, and the oldest ends."""
+_REQUESTS, _REQUESTS_PER_S = 64, 32
+"""Requests that are no messages of a WebSocket: at once, and in a second.
+
+An answer takes up to 1 ms of the processor; to end a connection unheard takes a tenth of that."""
 _PING_S = 20.0  # between two pings of a WebSocket; without an answer for as long, it ends
 _ACCEPTED, _QUEUED = 8, 128  # new connections that are accepted at once, and that may wait
 _SWITCH_S = 0.0005  # after which a thread that computes gives way to the server
@@ -171,7 +177,19 @@ class SocketRoute(NamedTuple):
 
 
 class PlainConnection(H11Protocol):
-    """A connection that asks for a page, or for a WebSocket and is none yet."""
+    """A connection that asks for a page, or for a WebSocket and is none yet.
+
+    requests: how many of them all connections of a server may make.
+    """
+
+    requests: Budget
+
+    def data_received(self, data: bytes) -> None:
+        """Hear a request; if there are too many, end the connection unheard."""
+        if self.requests.spend(1, self.loop.time()):
+            super().data_received(data)
+        else:
+            self.transport.abort()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin; end the oldest connection of this kind if there are too many."""
@@ -207,9 +225,11 @@ class AppServer(uvicorn.Server):
         app = Starlette(
             routes=[*routes, *map(self._socket_route, sockets)], lifespan=self._run_tasks
         )
+        requests = Budget(_REQUESTS, _REQUESTS_PER_S)
+        paced_connection = type("PacedConnection", (PlainConnection,), {"requests": requests})
         super().__init__(uvicorn.Config(
             app, log_level="error", access_log=False, lifespan="on", server_header=False,
-            http=PlainConnection, ws="websockets-sansio", ws_max_size=LARGEST,
+            http=paced_connection, ws="websockets-sansio", ws_max_size=LARGEST,
             ws_per_message_deflate=False, ws_ping_interval=_PING_S, ws_ping_timeout=_PING_S,
             timeout_graceful_shutdown=2, backlog=_ACCEPTED,
         ))  # fmt: skip

@@ -75,6 +75,7 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
         "left_s": session.remaining_s(now), "done": session.done, "start": start,
         "display": session.display, "displays": session.displays,
         "draws": session.is_display_drawing(), "stopping": session.stopping,
+        "screen": session.screen,
         "frames": counts.frames, "dropped": counts.dropped, "late": counts.late,
         "latency": {
             name: _percentiles(getattr(counts, name))
@@ -96,7 +97,7 @@ def session_status(session: Session, with_constants: bool = True) -> dict[str, A
     }  # fmt: skip
     if with_constants:
         status |= {
-            "demands": list(list_requirements(session.protocol)), "screen": session.screen,
+            "demands": list(list_requirements(session.protocol)),
             "calibrated": session.protocol.display.calibrated, "gap_s": session.animals.gap_s,
             "mm_per_px": session.context.mm_per_px, "protocol": session.protocol.name,
             "seed": session.protocol.seed, "file": session.name,

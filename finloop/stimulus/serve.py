@@ -180,10 +180,18 @@ class DisplayHub(Hub[DisplayPage]):
 class SessionHub(DisplayHub):
     """Server of a running session's display pages and trackers."""
 
-    def __init__(self, session: Session, name: str, store: Path) -> None:
-        """Begin without any page; name: of the display; store: the file for its calibration."""
+    def __init__(
+        self, session: Session, name: str, store: Path,
+        check_screen: Callable[[], tuple[str, bool] | None] = lambda: None,
+    ) -> None:  # fmt: skip
+        """Begin without any page; name: of the display; store: the file for its calibration.
+
+        check_screen: returns how much of the tank the display shows as it is calibrated now.
+        """
         super().__init__(session.feed, session.clock.read_time)
         self.session, self._name, self._store = session, name, store
+        self._check_screen = check_screen
+        session.screen = check_screen()
         self._programs: set[WebSocket] = set()
 
     def handle_message(self, page: DisplayPage, message: DisplayMessage | None) -> None:
@@ -199,7 +207,7 @@ class SessionHub(DisplayHub):
                 if message.frames > page.frames and self.display is page:
                     self.session.note_frame()
                 page.frames = message.frames
-            case KeyPress():
+            case KeyPress() if self.display is page:  # a mirror starts no trial
                 self.session.press_key(message.key)
             case CalibrationMessage():
                 if self.session.phase in ("running", "waiting"):
@@ -207,6 +215,7 @@ class SessionHub(DisplayHub):
                 else:
                     what = "the display was calibrated"
                     self.store_calibration(message.display, self._store)
+                    self.session.screen = self._check_screen()
                     self.handle_change()
                 self.session.report_outside_event(what)
             case VisibilityMessage():

@@ -126,7 +126,7 @@ class Session:
         # Of the tick sent last: number of its message, when it is due, and its number in the trial.
         self._seq, self._due_s, self._tick = 0, 0.0, -1
         self._undrawn_reactions: dict[int, _UndrawnReaction] = {}  # by number of the message
-        self._trial_end_s: float | None = None
+        self._end_s: float | None = None  # of the present trial or pause
         # Of each trial: the number of its first message, when it began, and its own number.
         self._trial_begins: list[tuple[int, float, int]] = []
         self._page: str | None = None  # identity of the last page that was the display
@@ -359,8 +359,8 @@ class Session:
         self.report_outside_event(f"the display's page is {'hidden' if on else 'seen again'}")
 
     def remaining_s(self, now: float) -> float | None:
-        """Return how many s of the present trial are left at a session time; None if none runs."""
-        return None if self._trial_end_s is None else round(max(0.0, self._trial_end_s - now), 1)
+        """Return how many s of the present trial or pause are left; None if neither lasts now."""
+        return None if self._end_s is None else round(max(0.0, self._end_s - now), 1)
 
     def check_wall_clock(self, wall_s: float) -> None:
         """Report a jump of the computer's clock against the session's; wall_s: s since 1970."""
@@ -384,7 +384,9 @@ class Session:
                 self.trial_index = number
                 await self._run_trial(trial)
                 if not self.stopping and trial is not self.trials[-1]:
-                    await self._wait_until(self.clock.read_time() + self.protocol.pause_s)
+                    self._end_s = self.clock.read_time() + self.protocol.pause_s
+                    await self._wait_until(self._end_s)
+                    self._end_s = None
         finally:
             gc.unfreeze()
         self.phase = "saving"
@@ -472,7 +474,7 @@ class Session:
         self.phase, rate = "running", self.context.rate_hz
         begin_s = self.clock.read_time() + _FIRST_S
         ticks = self.context.count_ticks(setup.condition.seconds)
-        self._trial_end_s = begin_s + ticks / rate
+        self._end_s = begin_s + ticks / rate
         early_s = self._lead_time_s(planned is not None)
         keeps = trial.condition in self._repeated  # the motion, for a condition that repeats it
         reaction = None
@@ -494,11 +496,11 @@ class Session:
             if tick > rate * early_s:  # the first ticks are sent at once, as they are overdue
                 self.counts.tick_ms.append(1e3 * (now_s - (due_s - early_s)))
         else:
-            await self._wait_until(self._trial_end_s)
+            await self._wait_until(self._end_s)
         # Clean up, but keep a motion that another condition repeats.
         if reaction is not None and keeps and (motion := reaction.planned_states) is not None:
             self._motions[trial.condition] = motion
-        self._reaction = self._trial_end_s = None
+        self._reaction = self._end_s = None
         self._undrawn_reactions.clear()
         self._send(self.feed.clear_message())
         return "abort" if self._abort else "skip" if self._skip else "end"

@@ -88,7 +88,7 @@ function tell() {
     : phase === "pause" ? (then ? `Next: trial ${then[0]}, ${then[3]}` : "After the last trial")
     : now ? `Trial ${now[0]} of ${whole.trials.length}: ${now[3]}` : "–");
   const left = state.left_s;
-  set("left", phase === "running" && left !== null ? clock(left) : "");
+  set("left", left === null ? "" : clock(left));
   $("part").value = phase === "running" && left !== null && now ? Math.min(1, Math.max(0, 1 - left / now[4])) : isOver() ? 1 : 0;
   buttons(phase, now);
   states(phase);
@@ -112,7 +112,7 @@ function buttons(phase, now) {
   set("stop", stopping && !isOver() ? "Stops after this trial" : "Stop after this trial");
   $("abort").disabled = !on || isOver();
   $("add").disabled = !on;
-  if (asking && asking.at !== `${state.trial} ${phase}`) $("ask").close("no");  // it was another trial that was asked about
+  if (asking?.wish.do === "skip" && asking.at !== `${state.trial} ${phase}`) $("ask").close("no");  // it was another trial that was asked about
 }
 
 const STATES = {done: "✓ done", skipped: "skipped", aborted: "aborted", running: "▶ now", next: "next", "": "–"};
@@ -157,7 +157,7 @@ function rows(id, entries, warn = []) {  // of a table: a word, then numbers; wh
 }
 
 function display() {
-  const tank = whole.screen ? [["tank", ...whole.screen]] : [];
+  const tank = state.screen ? [["tank", ...state.screen]] : [];
   const one = state.display;
   $("nodisplay").hidden = Boolean(one);
   if (!one) {
@@ -329,8 +329,7 @@ $("ask").onclose = () => {
 $("start").onclick = () => say({do: "start"});
 $("stop").onclick = () => { if (say({do: "stop"})) { stopping = true; tell(); } };
 $("abort").onclick = () => {
-  const now = trial();
-  ask(state.phase === "running" ? `Abort the session now? The fish vanish at once, and trial ${now[0]} counts as aborted.`
+  ask(state.phase === "running" ? `Abort the session now? The fish vanish at once, and a trial that runs then counts as aborted.`
     : "Abort the session now? No further trial is shown.", "Abort now", {do: "abort"});
 };
 $("skip").onclick = () => {

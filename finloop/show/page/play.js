@@ -97,7 +97,7 @@ function frame(ms) {
   if (document.hidden || !drawer || drawer.lost) return;
   const {ideal} = refresh.frame(ms);
   advance(ideal);
-  if (follows && state) followFish(Math.min(ms - before, 100));
+  if (follows && state) followFish(ms - before);
   before = ms;
   draw(hello.fish);
   if (state && (dirty || ripples.length || state.fish.length > 1)) paint(ms);
@@ -224,7 +224,7 @@ function tell() {
   people();
   company();
   because();
-  set("status", halted ? "stopped" : `${(state.rate * state.speed).toFixed(0)} ticks a second, drawn ${seen.length} times`);
+  set("status", halted ? "stopped" : `${(state.rate * state.speed).toFixed(0)} ticks and ${seen.length} frames a second`);
   set("numbers", `goals reached: ${state.reached} · ${state.ms.toFixed(0)} ms a tick · bad messages: ${state.bad}`);
   announce();
 }
