@@ -392,6 +392,70 @@ def test_a_goal_that_was_being_dragged_then_is_swum_to():
     assert tank.fish[0].decision_at(tank.tick).goal == first
 
 
+@pytest.mark.parametrize(("mode", "fish"), [("hybrid", 1), ("matching", 3)])
+def test_a_future_that_was_left_goes_on_as_if_it_had_not_been(mode, fish):
+    tank, left_alone = (LiveTank(toy_players(), mode, fish, 4) for _ in range(2))
+    for one in (tank, left_alone):
+        one.send_to_goal(0, 600.0, 450.0)
+        played_rows(one, 90)
+    before = [tank.fish[0].row_at(tick)[:-1] for tick in range(1, 91)]
+    tank.branch_from(30)
+    assert tank.tick == 30 and [future[:2] for future in tank.futures] == [(30, 90)]
+    tank.send_to_goal(0, 100.0, 100.0)
+    other = played_rows(tank, 40)
+    tank.return_to(0)
+    assert tank.tick == 90 and [future[:2] for future in tank.futures] == [(30, 70)]
+    after = [tank.fish[0].row_at(tick)[:-1] for tick in range(1, 91)]
+    assert repr(after) == repr(before)
+    for number in range(fish):
+        rows = [played_rows(one, 30, number) for one in (tank, left_alone)]
+        assert rows[0].tobytes() == rows[1].tobytes()
+    tank.return_to(0)  # and back once more
+    again = [tank.fish[0].row_at(tick)[:-1] for tick in range(31, 71)]
+    assert np.array(again, ROW).tobytes() == other.tobytes()
+    tank.return_to(5)  # there is none
+    tank.branch_from(tank.tick)  # nothing came after it
+    assert len(tank.futures) == 1
+    for _ in range(6):
+        tank.branch_from(tank.tick - 1)
+    assert len(tank.futures) == 3
+
+
+def test_the_past_is_played_and_leads_to_the_present():
+    view = view_of()
+    view.advance(60)
+    say(view, do="look", tick=20)
+    say(view, do="pause", on=False)
+    assert view.is_running and view.shown_tick == 20
+    view.advance(7)
+    assert (view.shown_tick, view.tank.tick) == (27, 60)
+    say(view, do="pause", on=True)
+    assert not view.is_running and view.shown_tick == 27
+    say(view, do="pause", on=False)
+    view.advance(40)
+    assert view.past_tick is None and view.is_running and view.tank.tick == 60
+    view.advance()
+    assert view.tank.tick == 61
+
+
+def test_what_happened_is_told_with_its_ticks():
+    view = view_of("hybrid")
+    view.advance(10)
+    say(view, do="goal", fish=0, x=600, y=400, drag=False)
+    view.advance(20)
+    say(view, do="mode", mode="matching")
+    view.advance(120)
+    events = view.describe_tick(view.shown_tick)["events"]
+    assert events[0] == (0, "hybrid") and [tick for tick, _ in events] == sorted(
+        tick for tick, _ in events
+    )
+    assert [tick for tick, what in events if what == "goal"] == [11]
+    assert [tick for tick, what in events if what == "matching"] == [31]
+    fish = view.tank.fish[0]
+    jumps = [tick for tick, what in events if what == "jump"]
+    assert jumps and all(fish.row_at(tick).state for tick in jumps)
+
+
 def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
     view = view_of(fish=1)
     view.advance(30)
@@ -400,11 +464,11 @@ def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
     view.advance(30)
     say(view, do="pause", on=True)
     say(view, do="look", tick=20)
-    say(view, do="swim_on", tick=20)
+    say(view, do="branch", tick=20)
     state, _ = tick_on_screen(view)
     assert (state["now"], state["tick"], len(state["fish"])) == (20, 20, 1)
     assert view.is_running and not state["past"] and view.explained == 0
-    say(view, do="swim_on", tick=900)  # it has not been: stay
+    say(view, do="branch", tick=900)  # it has not been: stay
     assert view.tank.tick == 20
 
 
@@ -573,7 +637,7 @@ def test_what_stays_the_same_is_not_sent_again():
     assert kinds.count("modes") == 1 and kinds.count("tank") == 60
     assert 1 < kinds.count("decision") < 60
     told = [read(one)[0]["kind"] for one in view.opening_messages()]
-    assert told[-3:] == ["modes", "decision", "tank"]
+    assert told[-4:] == ["modes", "decision", "events", "tank"]
 
 
 def test_a_paused_tank_and_a_past_tick_are_shown_at_once():

@@ -36,7 +36,7 @@ GOOD = [
     {"do": "rule", "fish": None, "leader": None}, {"do": "rule", "fish": 2, "leader": 7},
     {"do": "weights", "repulsion": 0, "alignment": 0.5, "attraction": 5}, {"do": "drop", "fish": 7},
     {"do": "mode", "mode": "loops"}, {"do": "pause", "on": True}, {"do": "step"}, {"do": "speed", "times": 8},
-    {"do": "look", "tick": 3}, {"do": "look", "tick": None}, {"do": "swim_on", "tick": 3},
+    {"do": "look", "tick": 3}, {"do": "look", "tick": None}, {"do": "branch", "tick": 3}, {"do": "return", "future": 1},
     {"do": "explain", "fish": 2}, {"do": "count", "fish": 8}, {"do": "ping", "sent": 12.5, "frames": 3},
 ]  # fmt: skip
 BAD = [
@@ -52,7 +52,7 @@ BAD = [
     '{"do":"path","fish":0,"places":[' + ",".join(["[1,1]"] * (MOST_PLACES + 1)) + "]}",
     '{"do":"mode","mode":"__class__"}', '{"do":"pause","on":"true"}', '{"do":"speed","times":0}',
     '{"do":"speed","times":-1}', '{"do":"speed","times":1e300}', '{"do":"look","tick":-1}',
-    '{"do":"look","tick":1.5}', '{"do":"swim_on","tick":null}', '{"do":"swim_on","tick":-1}', '{"do":"look","tick":' + "9" * 300 + "}", '{"do":"count","fish":0}',
+    '{"do":"look","tick":1.5}', '{"do":"branch","tick":null}', '{"do":"return","future":-1}', '{"do":"look","tick":' + "9" * 300 + "}", '{"do":"count","fish":0}',
     '{"do":"count","fish":9}', '{"do":"ping","sent":1e300,"frames":1}', '{"do":"ping","sent":1,"frames":1.5}', '{"do":"step"' + " " * LONGEST + "}",
 ]  # fmt: skip
 
@@ -421,8 +421,13 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         wait(f"state.tick === {now - 39}")
         press(".", f"state.tick === {now - 38}")
         press("l", "!state.past")
+        now = rewind(30)
+        press("Space", f"!state.past && state.tick === {now}")  # the past is played on to now
         rewind(30)
-        press("b", "!state.past && !state.paused")  # swim on from there
+        press("b", "!state.past && !state.paused")  # branch from there
+        wait(f"state.futures.length === 1 && state.futures[0][1] === {now}")
+        page.click("#futures button")
+        wait(f"state.futures[0][1] !== {now} && state.events.length > 0")
         press("Space", "state.paused")
         now = rewind(20)
         page.click("#from")

@@ -11,6 +11,7 @@ decision, with the other fish where they are then.
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
+from copy import copy, deepcopy
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, get_type_hints
 
@@ -122,6 +123,13 @@ class DecisionRecord:
         had_plan, compared_none = bool(self.state.progress.runs), self.stretch.options is None
         swam_on = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
         return had_plan and compared_none and swam_on
+
+    @property
+    def target(self) -> Goal | int | str | None:
+        """Return what tells the goal, path or kind of rule from others; None if it wanders."""
+        if isinstance(self.goal, Route):
+            return id(self.goal)
+        return self.goal if isinstance(self.goal, Goal) else self.target_name or None
 
     @property
     def target_name(self) -> str:
@@ -273,6 +281,24 @@ class LiveFish:
         latest_first = reversed(self._decisions)
         return next((past for past in latest_first if past.tick == row.decided), None)
 
+    def events(self) -> list[tuple[int, str]]:
+        """Return what happened in the remembered past: ticks of the tank, each with a word.
+
+        The words: `jump`, where a decision left the film's order; `goal`, where the fish got a new
+        goal, path or rule; and the name of a mode that began.
+        """
+        events: list[tuple[int, str]] = []
+        target, mode = None, ""
+        for decision in self._decisions:
+            if decision.mode != mode:
+                events.append((decision.tick, decision.mode))
+            if decision.target not in (None, target):
+                events.append((decision.tick, "goal"))
+            if decision.stretch.decision.reason == JUMP:
+                events.append((decision.tick, "jump"))
+            target, mode = decision.target, decision.mode
+        return events
+
     def planning_decision(self, decision: DecisionRecord) -> DecisionRecord:
         """Return the decision that made the plan which a given decision follows.
 
@@ -396,6 +422,17 @@ class LiveFish:
                 self.reached = True
             else:
                 self.goal, self.path_task = None, path_task._replace(begun=True)
+
+    def copy(self, copies: dict[int, Any]) -> "LiveFish":
+        """Return a fish with the same past and plan, which swims on by itself.
+
+        copies: memory of `copy.deepcopy`, by which fish that share a random generator still do.
+        """
+        twin = copy(self)
+        twin._rng = deepcopy(self._rng, copies)
+        twin._rows, twin._poses = self._rows.copy(), self._poses.copy()
+        twin._requests, twin._decisions = self._requests.copy(), self._decisions.copy()
+        return twin
 
     def go_back_to(self, tick: int) -> None:
         """Set the fish back to a past tick of the tank; do nothing if it has forgotten that tick.

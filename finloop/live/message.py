@@ -82,7 +82,7 @@ class SetMode(StrictModel):
 
 
 class SetPaused(StrictModel):
-    """Request to stop the tank (on: true), or to let it go on (false)."""
+    """Request to stop the tank, or the past that is played (on: true), or to let it go on."""
 
     do: Literal["pause"]
     on: bool
@@ -102,17 +102,24 @@ class SetPlaybackRate(StrictModel):
 
 
 class ShowPastTick(StrictModel):
-    """Request to show a past tick, and to pause there; None: to return to the present."""
+    """Request to show a past tick, and to stay there; None: to return to the present."""
 
     do: Literal["look"]
     tick: Number | None
 
 
-class SwimOnFromPast(StrictModel):
-    """Request that all fish swim on from a past tick and forget the later ones."""
+class BranchFromPast(StrictModel):
+    """Request that all fish swim on from a past tick; the later ones are kept, to return to."""
 
-    do: Literal["swim_on"]
+    do: Literal["branch"]
     tick: Number
+
+
+class ReturnToFuture(StrictModel):
+    """Request to go on in a future that was left, by its number in the list of them."""
+
+    do: Literal["return"]
+    future: Annotated[int, Field(ge=0, lt=16)]
 
 
 class ExplainFish(StrictModel):
@@ -131,7 +138,8 @@ class SetFishCount(StrictModel):
 
 PageRequest = (
     SetGoal | SetPath | SetRule | SetZoneWeights | LetWander | SetMode | SetPaused | AdvanceTick
-    | SetPlaybackRate | ShowPastTick | SwimOnFromPast | ExplainFish | SetFishCount | TimeRequest
+    | SetPlaybackRate | ShowPastTick | BranchFromPast | ReturnToFuture | ExplainFish | SetFishCount
+    | TimeRequest
 )  # fmt: skip
 _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(Annotated[PageRequest, Field(discriminator="do")])
 

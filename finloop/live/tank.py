@@ -1,7 +1,9 @@
 """The live tank: fish that swim for ever, are steered by hand, and whose past can be shown."""
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +17,9 @@ from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
 from finloop.live.fish import LiveFish, Modes, RuleTask, TooUnlike
 from finloop.social.leader import describe_contradiction
-from finloop.social.rule import require_rule
+from finloop.social.rule import SchoolRule, require_rule
+
+_MOST_FUTURES = 3  # kept; each holds the past of all fish, some MB
 
 
 def warm_up_paths(player: AnyPlayer) -> None:
@@ -33,10 +37,22 @@ def warm_up_paths(player: AnyPlayer) -> None:
         player.plan(player.begin(rng), route, rng)
 
 
+class Future(NamedTuple):
+    """A live tank as it was left, to return to; `since`: the tick from which it is another one."""
+
+    since: int
+    tick: int
+    mode: str
+    school_rule: SchoolRule | None
+    fish: list[LiveFish]
+    rng: np.random.Generator
+    created: int
+
+
 class LiveTank:
     """All fish of a live tank, which are steered by hand and can be set back to a past tick.
 
-    players: by name of the mode. tick: the last one.
+    players: by name of the mode. tick: the last one. futures: those that were left, the last first.
     """
 
     def __init__(
@@ -61,6 +77,7 @@ class LiveTank:
         self.school_rule = next((rule for rule in rules if rule), None)
         self._too_unlike, self._rng, self._created = too_unlike, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
+        self.futures: list[Future] = []
         self.set_fish_count(fish)
 
     @property
@@ -270,6 +287,31 @@ class LiveTank:
             if is_paper_mode and (fish.path_task or fish.rule_task):
                 fish.send_to_goal(None)
             fish.switch_mode(mode)
+
+    def branch_from(self, tick: int) -> None:
+        """Let the fish swim on from a past tick; what came after it is kept, to return to."""
+        if tick >= self.tick:  # nothing came after it
+            return
+        copies: dict[int, Any] = {}
+        rng, fish = deepcopy(self._rng, copies), [fish.copy(copies) for fish in self.fish]
+        future = self._make_future(max(tick, self.oldest_tick), fish, rng)
+        self.futures = [future, *self.futures][:_MOST_FUTURES]
+        self.go_back_to(tick)
+
+    def return_to(self, number: int) -> None:
+        """Go on in a future that was left, by its number; keep the present one in its place.
+
+        Do nothing if there is no such future.
+        """
+        if number >= len(self.futures):
+            return
+        future = self.futures[number]
+        self.futures[number] = self._make_future(future.since, self.fish, self._rng)
+        _, self.tick, self.mode, self.school_rule, self.fish, self._rng, self._created = future
+
+    def _make_future(self, since: int, fish: list[LiveFish], rng: np.random.Generator) -> Future:
+        """Return the present as a future to return to, with these fish and generator."""
+        return Future(since, self.tick, self.mode, self.school_rule, fish, rng, self._created)
 
     def go_back_to(self, tick: int) -> None:
         """Set the tank back to a past tick; fish swim on from there, later ticks are forgotten.

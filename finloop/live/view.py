@@ -48,9 +48,9 @@ class TankView:
     """The live tank as a page shows it; it carries out the page's requests.
 
     feed: makes the messages about the fish; bodies: their filmed postures. speed: playback rate
-    relative to the film; past_tick: shown instead of the present one; explained: number of the fish
-    whose decisions are shown; refused: why the last request was refused, "" if it was not;
-    bad_messages, goals_reached: how many there were.
+    relative to the film; past_tick: shown instead of the present one; plays_past: whether it goes
+    on to the present; explained: number of the fish whose decisions are shown; refused: why the
+    last request was refused, "" if it was not; bad_messages, goals_reached: how many there were.
     """
 
     tank: LiveTank
@@ -59,6 +59,7 @@ class TankView:
     paused: bool = False
     speed: float = 1.0
     past_tick: int | None = None
+    plays_past: bool = False
     explained: int = 0
     refused: str = ""
     bad_messages: int = 0
@@ -66,6 +67,7 @@ class TankView:
     _seq: int = 0  # number of the last message about the fish
     _was_running: bool = False  # at that message
     _facts: dict[str, bytes] = field(default_factory=dict)  # the last messages of other kinds
+    _events: tuple[DecisionRecord | None, list[tuple[int, str]]] = (None, [])  # until that decision
     _described: tuple[DecisionRecord, dict[str, Any]] | None = None  # the last decision
 
     @property
@@ -77,8 +79,8 @@ class TankView:
 
     @property
     def is_running(self) -> bool:
-        """Return whether ticks pass: not while the tank is paused or shows a past tick."""
-        return not self.paused and self.past_tick is None
+        """Return whether ticks pass, those of the tank or of the past that is shown."""
+        return not self.paused if self.past_tick is None else self.plays_past
 
     def handle_request(self, request: message.PageRequest) -> None:
         """Carry out a page's request; if that is impossible, store the reason in `refused`."""
@@ -110,19 +112,25 @@ class TankView:
                 tank.let_wander(request.fish)
             case message.SetMode():
                 tank.switch_mode(request.mode)
+            case message.SetPaused() if self.past_tick is None:
+                self.paused = request.on
             case message.SetPaused():
-                self.paused, self.past_tick = request.on, None
+                self.plays_past = not request.on
             case message.AdvanceTick():
                 self.paused, self.past_tick = True, None
                 self.advance()
             case message.SetPlaybackRate():
                 self.speed = request.times
             case message.ShowPastTick():
-                self.past_tick = request.tick
-            case message.SwimOnFromPast():
-                tank.go_back_to(request.tick)
+                self.past_tick, self.plays_past = request.tick, False
+            case message.BranchFromPast() | message.ReturnToFuture():
+                if isinstance(request, message.BranchFromPast):
+                    tank.branch_from(request.tick)
+                else:
+                    tank.return_to(request.future)
                 self.explained = min(self.explained, len(tank.fish) - 1)
                 self.paused, self.past_tick = False, None
+                self._was_running = False  # the fish are elsewhere at once
             case message.ExplainFish():
                 self.explained = min(request.fish, len(tank.fish) - 1)
             case message.SetFishCount():
@@ -130,7 +138,15 @@ class TankView:
                 self.explained = min(self.explained, request.fish - 1)
 
     def advance(self, ticks: int = 1) -> None:
-        """Advance the tank by some ticks, and count the goals that fish reach."""
+        """Advance the tank by some ticks, and count the goals that fish reach.
+
+        A past tick that is shown advances instead, until the present one is.
+        """
+        if self.past_tick is not None:
+            self.past_tick = self.shown_tick + ticks
+            if self.past_tick >= self.tank.tick:
+                self.past_tick, self.plays_past = None, False
+            return
         for _ in range(ticks):
             travelling = [fish for fish in self.tank.fish if not fish.reached]
             self.tank.advance()
@@ -151,7 +167,9 @@ class TankView:
         self._was_running = self.is_running
         messages = self.feed.tick_messages(self._seq, tick, due_s, self._states(tick), jump=jump)
         facts = self.describe_tick(tick, took_ms)
-        parts = {name: facts.pop(name) for name in ("modes", "decision")} | {"tank": facts}
+        parts = {name: facts.pop(name) for name in ("modes", "decision", "events")} | {
+            "tank": facts
+        }
         for kind, part in parts.items():
             content = pack_message({"kind": kind, kind: part})
             if content != self._facts.get(kind):
@@ -178,7 +196,9 @@ class TankView:
         decision = explained[0].decision_at(tick) if explained else None
         return {
             "tick": tick, "now": tank.tick, "oldest": tank.oldest_tick, "rate": round(rate, 3),
-            "paused": self.paused, "past": self.past_tick is not None, "speed": self.speed,
+            "paused": self.paused, "past": self.past_tick is not None, "runs": self.is_running,
+            "futures": [[future.since, future.tick] for future in tank.futures],
+            "speed": self.speed,
             "mode": tank.mode, "modes": self._describe_modes(),
             "most": tank.most_fish or message.MOST_FISH, "touch": round(tank.world.touch_px, 1),
             "fish": [self._describe_fish(fish, tick) for fish in tank.fish],
@@ -186,8 +206,16 @@ class TankView:
             "weights": tank.school_rule.zones.weights if tank.school_rule else None,
             "widths": tank.school_rule.zones.widths if tank.school_rule else None,
             "decision": self._describe_decision(decision) if decision else None,
+            "events": self._list_events(explained[0]) if explained else [],
             "bad": self.bad_messages, "reached": self.goals_reached, "ms": round(took_ms, 1),
         }  # fmt: skip
+
+    def _list_events(self, fish: LiveFish) -> list[tuple[int, str]]:
+        """Return what happened in the past of a fish; it changes with its last decision alone."""
+        last = fish.decision_at(fish.last_tick)
+        if last is None or self._events[0] is not last:
+            self._events = last, fish.events()
+        return self._events[1]
 
     def _describe_modes(self) -> list[dict[str, str]]:
         """Return name, title, text and colour of every mode, and why it is not available now."""

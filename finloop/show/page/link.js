@@ -4,8 +4,8 @@ const $ = id => document.getElementById(id);
 function set(id, text) { const at = $(id); if (at.textContent !== text) at.textContent = text; }
 
 class Link {
-  // path: of the WebSocket. heard(data, ms): a message came; opened(); closed(code); again: ms until
-  // the next try.
+  // path: of the WebSocket. heard(data, ms): a message came; opened(); closed(code, reason); again:
+  // ms until the next try.
   constructor(path, {heard, opened = () => {}, closed = () => {}, again = 1000}) {
     Object.assign(this, {path, heard, opened, closed, again});
     this.connect();
@@ -18,7 +18,7 @@ class Link {
     this.socket.binaryType = "arraybuffer";
     this.socket.onmessage = event => this.heard(event.data, performance.now());
     this.socket.onopen = () => this.opened();
-    this.socket.onclose = event => { this.closed(event.code); setTimeout(() => this.connect(), this.again); };
+    this.socket.onclose = event => { this.closed(event.code, event.reason); setTimeout(() => this.connect(), this.again); };
   }
 
   // Send bytes, or an object as JSON; whether there is a connection.

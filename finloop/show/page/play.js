@@ -5,7 +5,7 @@ const FAILS = {"tank": "leaves, or ends", "quadrant": "leads away", "heading": "
 const MOST_PLACES = 500;  // of a path, as many as the tank accepts
 const RIPPLE_MS = 700, FOLLOW_MS = 250, MOST_ZOOM = 8;
 const mode = name => state.modes.find(one => one.name === name);
-let state = null, parts = {}, who = 0, drag = null, pending = null, shown = "", told = {}, held = 0, weighed = 0, stroke = null;
+let state = null, parts = {}, who = 0, drag = null, pending = null, shown = "", told = {}, held = 0, weighed = 0, stroke = null, lined = "";
 let zoom = 1, centre = null, follows = false, ripples = [], dirty = false, before = 0, seen = [];
 
 const say = wish => link.tell(wish);
@@ -16,6 +16,7 @@ const MORE = {
   hello({width: w, height}) { centre ||= [w / 2, height / 2]; resize(); },
   modes({modes}) { parts.modes = modes; },
   decision({decision}) { parts.decision = decision; },
+  events({events}) { parts.events = events; },
   tank({tank: now}) {
     state = {...now, ...parts};
     dirty = true;
@@ -24,7 +25,7 @@ const MORE = {
 };
 const link = connectTank("/tank", MORE, {
   opened() { set("status", "connected"); },
-  closed(code) { set("status", code === 1013 ? "too many pages are open; close one" : "the tank is closed; trying again …"); },
+  closed(code, reason) { set("status", reason === "too many" ? "too many pages are open; close one" : "the tank is closed; trying again …"); },
 });
 
 function cannotDraw(reason) {
@@ -210,9 +211,11 @@ function tell() {
   const seconds = t => (t / state.rate).toFixed(1) + " s";
   $("badge").className = state.past ? "past" : "";
   set("badge", state.past ? `rewound by ${state.now - state.tick} ticks, ${seconds(state.now - state.tick)}` : state.paused ? "paused" : "live");
-  const halted = state.paused || state.past;
-  set("pause", halted ? "Swim on" : "Pause");
+  const halted = !state.runs;
+  set("pause", !halted ? "Pause" : state.past ? "Play on" : "Swim on");
   $("pause").classList.toggle("on", halted);
+  timeLine();
+  futures();
   $("live").disabled = $("from").disabled = !state.past;
   const scrub = $("scrub");
   scrub.min = state.oldest; scrub.max = state.now;
@@ -227,6 +230,66 @@ function tell() {
   set("status", halted ? "stopped" : `${(state.rate * state.speed).toFixed(0)} ticks and ${seen.length} frames a second`);
   set("numbers", `goals reached: ${state.reached} · ${state.ms.toFixed(0)} ms a tick · bad messages: ${state.bad}`);
   announce();
+}
+
+// What happened, over the time bar: a strip in the colour of the mode, a line for each transition of
+// the fish, a disc for each goal.
+function timeLine() {
+  const at = $("line"), ratio = devicePixelRatio || 1, wide = Math.round(at.clientWidth * ratio), high = Math.round(16 * ratio);
+  const key = JSON.stringify([wide, state.oldest, state.now - state.now % 8, state.explained, state.events]);
+  if (key === lined) return;
+  lined = key;
+  at.width = wide; at.height = high;
+  const ink = at.getContext("2d"), css = getComputedStyle(document.documentElement);
+  const x = tick => (tick - state.oldest) / Math.max(1, state.now - state.oldest) * wide;
+  const ended = state.events.filter(([, what]) => mode(what));
+  ended.forEach(([tick, name], i) => {
+    ink.fillStyle = mode(name).colour;
+    const left = Math.max(0, x(tick));
+    ink.fillRect(left, high - 3 * ratio, (i + 1 < ended.length ? x(ended[i + 1][0]) : wide) - left, 3 * ratio);
+  });
+  for (const [tick, what] of state.events) {
+    if (tick < state.oldest) continue;
+    if (what === "jump") { ink.fillStyle = css.getPropertyValue("--soft"); ink.fillRect(x(tick), 6 * ratio, ratio, 6 * ratio); }
+    if (what === "goal") { ink.fillStyle = css.getPropertyValue("--taken"); ink.beginPath(); ink.arc(x(tick), 4 * ratio, 3.5 * ratio, 0, 7); ink.fill(); }
+  }
+}
+
+// A button for each future that was left.
+function futures() {
+  const key = JSON.stringify(state.futures), at = $("futures");
+  if (at.dataset.key === key) return;
+  at.dataset.key = key;
+  at.replaceChildren(...state.futures.map(([since, end], i) => {
+    const button = document.createElement("button");
+    button.textContent = `Back to the future left at ${(since / state.rate).toFixed(1)} s (until ${(end / state.rate).toFixed(1)} s)`;
+    button.onclick = () => say({do: "return", future: i});
+    return button;
+  }));
+}
+
+// A bar for each part of the cost: of what was taken, and of the best that was not.
+const TERMS = ["seams", "repeat", "rarity", "lag", "path", "time", "to come"];
+function costBars(candidates) {
+  const costs = candidates.filter(one => one.value !== null), taken = costs.find(one => one.taken);
+  const other = costs.filter(one => !one.taken).sort((a, b) => a.value - b.value)[0];
+  const pair = taken ? [taken, other].filter(Boolean) : [];
+  const numbers = pair.flatMap(one => one.terms.slice(0, TERMS.length)), low = Math.min(0, ...numbers), high = Math.max(0.01, ...numbers);
+  const title = document.createElement("p");
+  title.textContent = pair[1] ? `What it costs, seconds: above ${pair[0].value.toFixed(1)}, taken; below ${pair[1].value.toFixed(1)}, the best of the others` : "What it costs, seconds";
+  $("terms").replaceChildren(...!pair.length ? [] : [title, ...TERMS.flatMap((name, k) => {
+    const label = document.createElement("span"), box = document.createElement("div"), zero = document.createElement("b");
+    const share = part => `${100 * part / (high - low)}%`;
+    label.textContent = name;
+    for (const {terms} of pair) {
+      const bar = document.createElement("i"), from = Math.min(0, terms[k]);
+      bar.style.left = share(from - low); bar.style.width = share(Math.abs(terms[k]));
+      box.append(bar);
+    }
+    zero.style.left = share(-low);
+    box.append(zero);
+    return [label, box];
+  })]);
 }
 
 function modes() {
@@ -308,7 +371,7 @@ function because() {
   const now = state.decision, key = JSON.stringify([state.explained, now && now.tick, state.fish.length]);
   if (key === shown) return;
   shown = key;
-  if (!now) { set("why", "This tick is not in the history."); $("candidates").replaceChildren(); return; }
+  if (!now) { set("why", "This tick is not in the history."); $("candidates").replaceChildren(); costBars([]); return; }
   const taken = now.candidates.find(candidate => candidate.taken), fits = now.candidates.some(candidate => candidate.fails === "");
   const verdict = taken
     ? taken.fails === "" ? "Taken: the cheapest candidate that fails no test, or one about as cheap."
@@ -319,6 +382,7 @@ function because() {
   const ago = (now.tick - now.planned) / state.rate;
   const plan = now.mode === "matching" && ago > 0 ? `It follows a plan made ${ago.toFixed(1)} s before. ` : "";
   set("why", `${(now.tick / state.rate).toFixed(1)} s, fish ${state.explained + 1}: ${now.why}. ${plan}${verdict}`.trim());
+  costBars(now.candidates);
   const number = (value, digits = 2) => value === null ? "–" : value.toFixed(digits);
   $("candidates").replaceChildren(...now.candidates.map(candidate => {
     const row = document.createElement("tr");
@@ -415,7 +479,7 @@ tank.addEventListener("wheel", event => {
 $("nearer").onclick = () => zoomBy(1.5);
 $("farther").onclick = () => zoomBy(1 / 1.5);
 $("follow").onclick = () => setFollow(!follows);
-const pause = () => state && say({do: "pause", on: !(state.paused || state.past)});
+const pause = () => state && say({do: "pause", on: state.runs});
 const step = way => {
   if (!state) return;
   if (way < 0) say({do: "look", tick: Math.max(state.oldest, state.tick - 1)});
@@ -426,7 +490,7 @@ const now = () => say({do: "look", tick: null});
 $("pause").onclick = pause;
 $("step").onclick = () => step(1);
 $("back").onclick = () => step(-1);
-const from = () => state && state.past && say({do: "swim_on", tick: state.tick});
+const from = () => state && state.past && say({do: "branch", tick: state.tick});
 $("live").onclick = now;
 $("from").onclick = from;
 $("path").onclick = () => $("path").setAttribute("aria-pressed", !draws());

@@ -39,7 +39,7 @@ function connectTank(path, more, {opened, closed = () => {}, again}) {
       opened();
       for (let i = 1; i < 6; i++) setTimeout(ping, 40 * i);
     },
-    closed(code) { clock.renew(); closed(code); },
+    closed(...why) { clock.renew(); closed(...why); },
   });
   link.ping = ping;
   return link;
