@@ -41,7 +41,7 @@ function resize() {
   const {width: w, height} = hello, ratio = Math.min(devicePixelRatio || 1, 2);
   const fits = Math.min(tank.parentElement.clientWidth / w, innerHeight * 0.74 / height);
   const wide = Math.round(w * fits * ratio), high = Math.round(height * fits * ratio);
-  tank.style.width = ways.style.width = wide / ratio + "px"; tank.style.height = ways.style.height = high / ratio + "px";
+  for (const one of [tank, ways]) { one.style.width = `${wide / ratio}px`; one.style.height = `${high / ratio}px`; }
   if (ways.width !== wide || ways.height !== high) { ways.width = wide; ways.height = high; }
   if (!drawer) return;
   drawer.screen(wide, high, ratio, null, null);
@@ -101,7 +101,10 @@ function frame(ms) {
   if (follows && state) followFish(ms - before);
   before = ms;
   draw(hello.fish);
-  if (state && (dirty || ripples.length || state.fish.length > 1)) paint(ms);
+  if (state) {
+    moveNames();
+    if (dirty || ripples.length) paint(ms);
+  }
   seen.push(ms);
   while (seen[0] < ms - 1000) seen.shift();
   if (number % 60 === 0) link.ping();
@@ -125,15 +128,12 @@ function paint(ms) {
   pen.clearRect(0, 0, ways.width, ways.height);
   pen.setTransform(scale, 0, 0, scale, left + scale / 2, top + scale / 2);
   pen.lineJoin = pen.lineCap = "round";
-  const many = state.fish.length > 1;
   for (const fish of state.fish) if (fish) trail(fish, unit);
   if ($("draw").checked && state.decision) drawCandidates(state.decision, unit);
   state.fish.forEach((fish, i) => { if (fish && fish.path) path(fish.path, unit, i === who || who < 0); });
   if (stroke) line(stroke, "#141414", 5 * unit), line(stroke, "#ffbe28", 2.5 * unit);
   state.fish.forEach((fish, i) => {
-    if (!fish) return;
-    if (fish.goal) goal(fish.goal, String.fromCharCode(65 + i), unit, i === who || who < 0);
-    if (many) mark(i, unit);
+    if (fish && fish.goal) goal(fish.goal, String.fromCharCode(65 + i), unit, i === who || who < 0);
   });
   ripples = ripples.filter(({at}) => ms - at < RIPPLE_MS);
   for (const one of ripples) ripple(one, Math.max(0, ms - one.at) / RIPPLE_MS, unit);
@@ -194,9 +194,24 @@ function goal([x, y, reached], name, unit, mine) {
   write(reached ? name + " ✓" : name, x + radius + 6 * unit, y, 17 * unit, reached ? "#ffffff" : "#ffbe28");
 }
 
-function mark(i, unit) {
-  const mine = i === state.explained, at = drawnAt(i);
-  if (at) write(String(i + 1), at[0] + 14 * unit, at[1] - 16 * unit, (mine ? 15 : 12) * unit, mine ? "#ffffff" : "#dfe8ec");
+// The number of each fish goes with it, over the fish; a fish alone has none.
+function moveNames() {
+  const box = $("names"), count = state.fish.length > 1 ? state.fish.length : 0, {view, ratio} = drawer;
+  if (box.children.length !== count) {
+    box.replaceChildren(...state.fish.slice(0, count).map((_, i) => {
+      const name = document.createElement("span");
+      name.textContent = i + 1;
+      return name;
+    }));
+  }
+  [...box.children].forEach((name, i) => {
+    const at = drawnAt(i);
+    name.hidden = !at;
+    name.className = i === state.explained ? "mine" : "";
+    if (!at) return;
+    const [x, y] = onScreen(view, ...at);
+    name.style.transform = `translate(${x / ratio}px, ${y / ratio}px)`;
+  });
 }
 
 function write(text, x, y, size, colour) {
@@ -227,8 +242,8 @@ function tell() {
   people();
   company();
   because();
-  set("status", halted ? "stopped" : `${(state.rate * state.speed).toFixed(0)} ticks and ${seen.length} frames a second`);
-  set("numbers", `goals reached: ${state.reached} · ${state.ms.toFixed(0)} ms a tick · bad messages: ${state.bad}`);
+  set("status", halted ? "stopped" : `${(state.rate * state.speed).toFixed(0)} ticks a second`);
+  set("numbers", `${seen.length} frames a second · goals reached: ${state.reached} · ${state.ms.toFixed(0)} ms a tick · bad messages: ${state.bad}`);
   announce();
 }
 
