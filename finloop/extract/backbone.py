@@ -15,11 +15,17 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import skimage
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
+from finloop.extract.masks import (
+    close_with_disc,
+    count_holes,
+    find_spans,
+    measure_distance,
+    thin,
+)
 
 _STEP = 0.5  # px, sampling step along flanks and at the ends
 _DEPTH = 2.0  # half widths from an end to where its direction is measured
@@ -60,9 +66,8 @@ def trace_backbone(
         mask = cut_limbs(mask)[0]
         field = field * cv2.dilate(mask.view(np.uint8), np.ones((3, 3), np.uint8))  # 0 on the limbs
     whole, filled = close_notches(mask, field)
-    skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3)
-    path = trim_forks(find_longest_path(skeleton, half_width), half_width)
+    path = _find_path(whole, half_width)
     if len(path) < 4:
         return None
     smoothing = _SMOOTHING
@@ -120,16 +125,21 @@ def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
     the largest half width. If that would enclose a hole, head and tail are near each other, and
     both are returned unchanged.
     """
-    picture = mask.view(np.uint8)
-    widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
-    radius = int(_NOTCH * widest + 0.5)
-    closed = morph_with_disc(picture, cv2.MORPH_CLOSE, radius)
-    contour_tree = cv2.findContours(closed, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
-    if contour_tree is not None and (contour_tree[0, :, 3] >= 0).any():  # a parent, so it is a hole
+    closed, filled = _close_notches(mask.view(np.uint8), field)
+    return closed.view(bool), filled
+
+
+@kernel
+def _close_notches(mask, field):  # type: ignore[no-untyped-def]
+    """Return a silhouette (h, w) uint8 and its difference image with narrow notches filled."""
+    first, stop = find_spans(mask, 0)
+    widest = measure_distance(mask, 0, first, stop, 0.0).max()
+    radius = int(_NOTCH * np.float64(widest) + 0.5)
+    closed = close_with_disc(mask, radius)
+    if count_holes(closed):
         return mask, field
-    inside = np.where(closed, field, 0)  # beside it there may be another fish
-    filled = morph_with_disc(inside, cv2.MORPH_CLOSE, radius)
-    return closed.view(bool), np.maximum(filled * closed, field)
+    filled = close_with_disc(closed * field, radius)  # beside it there may be another fish
+    return closed, np.maximum(filled * closed, field)
 
 
 def morph_with_disc(picture: Picture, operation: int, radius: int) -> Picture:
@@ -206,6 +216,13 @@ def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
         node = previous[node]
         length += 1
     return path[:length].copy()
+
+
+@kernel
+def _find_path(mask, half_width):  # type: ignore[no-untyped-def]
+    """Return the longest path (k, 2) x, y along a silhouette's skeleton, without its forks."""
+    skeleton = thin(mask).view(np.bool_)
+    return trim_forks(find_longest_path(skeleton, half_width), half_width)
 
 
 @kernel

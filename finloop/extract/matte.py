@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import finite_kernel, kernel
+from finloop.extract.masks import find_pieces, find_spans, measure_distance
 
 # Chosen on drawn carp, whose alpha is known, and on the mouse, whose tail has no deep pixels.
 _DEEP = 2.8  # px from the outline, from which a pixel shows fish alone; of small fish less:
@@ -56,18 +57,10 @@ def soft_edge(
     bright; contrast, threshold: of the animal and of the film, grey levels; edge_px: how wide
     outlines are in this film (`samples.measure_edge_width`).
     """
-    body = silhouette.view(np.uint8)
-    inside = cv2.distanceTransform(body, cv2.DIST_L2, cv2.DIST_MASK_3)
-    outside = cv2.distanceTransform(1 - body, cv2.DIST_L2, cv2.DIST_MASK_3)
-    change = cv2.subtract(film, tank, dtype=cv2.CV_32F).reshape(*body.shape, -1)
-    deep = (inside >= min(_DEEP, _HALF * float(inside.max()))).astype(np.float32)
-    size = (_WINDOW, _WINDOW)
-    of_fish = cv2.boxFilter(change * deep[..., None], -1, size, normalize=False)
-    count = cv2.boxFilter(deep, -1, size, normalize=False)
-    return _blend(
-        silhouette, (inside, outside), field, change, of_fish.reshape(change.shape), count,
-        _edge_bounds(round(edge_px, 2)), (contrast, threshold),
-    )  # fmt: skip
+    shape = (*silhouette.shape, film.size // silhouette.size)
+    film, tank = (np.array(picture).reshape(shape) for picture in (film, tank))
+    bounds = _edge_bounds(round(edge_px, 2))
+    return _blend_edge(silhouette.view(np.uint8), field, film, tank, bounds, (contrast, threshold))
 
 
 @lru_cache(maxsize=8)
@@ -83,37 +76,98 @@ def _edge_bounds(edge_px: float) -> Floats:
 
 
 @kernel
-def _blend(silhouette, distances, field, change, of_fish, count, bounds, levels):  # type: ignore[no-untyped-def]
+def _blend_edge(body, field, film, tank, bounds, levels):  # type: ignore[no-untyped-def]
     """Return a fish's alpha (h, w) uint8: its difference from the tank as a share of a fish's.
 
-    silhouette: mask (h, w); distances: px to its outline, inside and outside; field: difference
-    image, used where the fish is too thin to have an inside; change: (h, w, k), film less tank;
-    of_fish, count: sum of `change` over the `count` deep pixels around; bounds: from
-    `_edge_bounds`; levels: contrast and threshold.
+    body: the silhouette, 0 or 1; field: difference image, used where the fish is too thin to have
+    an inside; film, tank: (h, w, k); bounds: from `_edge_bounds`; levels: contrast and threshold.
     """
-    (inside, outside), (contrast, threshold) = distances, levels
-    height, width, channels = change.shape
+    (height, width, channels), (contrast, threshold) = film.shape, levels
+    reach = _REACH  # px from the outline within which alpha is not 0
+    while reach and bounds[1, _STEPS * (_REACH - reach) + _STEPS // 2] < 0.01:
+        reach -= 1
+    first, stop = find_spans(body, reach + 1)
+    inside = measure_distance(body, 0, first, stop)
+    outside = measure_distance(body, 1, first, stop)
+    sums = _sum_deep_pixels(film, tank, inside)
+    count = sums[channels]
     alpha = np.zeros((height, width), np.uint8)
     for y in range(height):
-        for x in range(width):
-            distance = inside[y, x] - 0.5 if silhouette[y, x] else 0.5 - outside[y, x]
+        for x in range(first[y], stop[y]):
+            distance = inside[y, x] - 0.5 if body[y, x] else 0.5 - outside[y, x]
             step = int(_STEPS * (distance + _REACH) + 0.5)
             step = min(max(step, 0), bounds.shape[1] - 1)
             least, most = bounds[0, step], bounds[1, step]
             if most < 0.01:
                 continue
             share = 1.0
-            if count[y, x] < 0.5:  # too thin to have an inside
+            if count[y, x] == 0:  # too thin to have an inside
                 share = min(field[y, x] / contrast, most)
             elif least < 0.99:
                 along, squared = 0.0, 0.0
                 for k in range(channels):
-                    fish = of_fish[y, x, k] / count[y, x]
-                    along += change[y, x, k] * fish
+                    fish = np.float32(sums[k, y, x]) / np.float32(count[y, x])
+                    change = np.float32(film[y, x, k]) - np.float32(tank[y, x, k])
+                    along += change * fish
                     squared += fish * fish
                 share = min(max(along / max(squared, threshold * threshold), least), most)
             alpha[y, x] = int(255 * min(share, 1.0) + 0.5)
     return alpha
+
+
+@kernel
+def _sum_deep_pixels(film, tank, inside):  # type: ignore[no-untyped-def]
+    """Return the sums of film less tank over the deep pixels around each pixel, and their counts.
+
+    film, tank: (h, w, k). Deep pixels lie far from the outline: `inside` (h, w), px. The sums, and
+    after them the counts, are (k + 1, h, w), over a square of `_WINDOW` px that is mirrored at the
+    edges of the picture. All fit into 16 bits, so many are added at a time.
+    """
+    height, width, channels = film.shape
+    least = np.float32(min(_DEEP, _HALF * np.float64(inside.max())))
+    half = _WINDOW // 2
+    # All rows one after the other: one long loop is faster than many short ones.
+    wide = width + 2 * half
+    layer = np.empty((height + 2 * half) * wide, np.int16)
+    size = height * wide
+    column, total = np.empty(size, np.int16), np.empty(size - 2 * half, np.int16)
+    sums = np.empty((channels + 1, height, width), np.int16)
+    for k in range(channels + 1):
+        for v in range(height + 2 * half):
+            y = _mirror(v - half, height)
+            row = layer[v * wide : (v + 1) * wide]
+            for x in range(width):
+                deep = np.int16(inside[y, x] >= least)
+                if k < channels:
+                    deep *= np.int16(np.int16(film[y, x, k]) - np.int16(tank[y, x, k]))
+                row[half + x] = deep
+            for x in range(half):
+                row[x] = row[half + _mirror(x - half, width)]
+                row[half + width + x] = row[half + _mirror(width + x, width)]
+        column[:] = 0
+        for shift in range(_WINDOW):
+            _add_to(column, layer[shift * wide : shift * wide + size])
+        total[:] = 0
+        for shift in range(_WINDOW):
+            _add_to(total, column[shift : shift + total.size])
+        for y in range(height):
+            sums[k, y] = total[y * wide : y * wide + width]
+    return sums
+
+
+@kernel
+def _add_to(sums, numbers):  # type: ignore[no-untyped-def]
+    """Add numbers (n,) of 16 bits to sums (n,)."""
+    for i in range(sums.size):
+        sums[i] = np.int16(sums[i] + numbers[i])
+
+
+@kernel
+def _mirror(index, size):  # type: ignore[no-untyped-def]
+    """Return an index 0 … size − 1 for one beyond the edge, mirrored at the outermost pixel."""
+    while (index < 0 or index >= size) and size > 1:
+        index = -index if index < 0 else 2 * (size - 1) - index
+    return index if size > 1 else 0
 
 
 def one_piece(alpha: Picture, silhouette: Mask, corner: tuple[int, int]) -> Picture:
@@ -124,14 +178,14 @@ def one_piece(alpha: Picture, silhouette: Mask, corner: tuple[int, int]) -> Pict
     opacity that the whole silhouette exceeds, the animal is one piece. silhouette: a mask whose
     first pixel is at `corner`, x and y of alpha.
     """
-    visible = cv2.threshold(alpha, _VISIBLE - 1, 1, cv2.THRESH_BINARY)[1]
-    if cv2.connectedComponents(visible)[0] > 2:  # more than the ground and one piece
-        alpha = _bridge_gaps(alpha, visible)
+    if len(find_pieces(alpha, _VISIBLE)) > 1:
+        alpha = _bridge_gaps(alpha)
     return _connect(alpha, silhouette, corner)
 
 
-def _bridge_gaps(alpha: Picture, visible: Picture) -> Picture:
+def _bridge_gaps(alpha: Picture) -> Picture:
     """Return alpha (h, w), closed in the gaps before its detached visible pieces."""
+    visible = cv2.threshold(alpha, _VISIBLE - 1, 1, cv2.THRESH_BINARY)[1]
     _, piece, stats, _ = cv2.connectedComponentsWithStats(visible)
     largest = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
     detached = ((piece > 0) & (piece != largest)).astype(np.uint8)
@@ -180,7 +234,8 @@ def cut_with_residue(
     fish = opacity[alpha == 255]
     like_fish = max(_AS_FISH * float(fish.mean()), _VISIBLE) if len(fish) else _VISIBLE
     other = (is_strong & (opacity >= like_fish) & (distance > _FAR_PX)).view(np.uint8)
-    other = cv2.dilate(other, np.ones((2 * _FAR_PX + 1,) * 2, np.uint8))
+    if cv2.countNonZero(other):
+        other = cv2.dilate(other, np.ones((2 * _FAR_PX + 1,) * 2, np.uint8))
     fade = np.clip((width_px + 1 - distance) / (_FADE * width_px), 0, 1)
     return _keep_residue(alpha, tank, change, power, opacity, other, fade, grain_grey)
 
@@ -307,15 +362,16 @@ def _connect(alpha, silhouette, corner):  # type: ignore[no-untyped-def]
         for x in range(columns):
             if silhouette[y, x]:
                 result[top + y + 1, left + x + 1] = alpha[top + y, left + x]
+    first, stop = find_spans(alpha, 0)
     passes, changed = 0, True
     while changed or passes < 2:  # a pass down and to the right, then one back, and so on
         turn, changed = 1 - 2 * (passes % 2), False
         for i in range(height):
             y = i if turn == 1 else height - 1 - i
-            before, here = result[y + 1 - turn], result[y + 1]
-            for j in range(width):
-                x = j if turn == 1 else width - 1 - j
-                limit = alpha[y, x]
+            before, here, limits = result[y + 1 - turn], result[y + 1], alpha[y]
+            for j in range(stop[y] - first[y]):
+                x = first[y] + j if turn == 1 else stop[y] - 1 - j
+                limit = limits[x]
                 if here[x + 1] < limit:
                     most = max(before[x], before[x + 1], before[x + 2], here[x + 1 - turn])
                     if min(most, limit) > here[x + 1]:

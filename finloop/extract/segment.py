@@ -12,7 +12,6 @@ Where that is so, thin parts get a lower threshold.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -31,9 +30,11 @@ from finloop.extract.backbone import (
 )
 from finloop.extract.background import Scene, difference_image
 from finloop.extract.fins import Fins, PalePixels, add_fins_to_alpha
+from finloop.extract.masks import find_pieces, find_spans, trace_edge
 from finloop.extract.matte import cut_with_residue, one_piece, residue_width, soft_edge
 from finloop.extract.table import OUTLINE_POINTS
 
+_NEAR_ARENA = np.ones((5, 5), np.uint8)  # a silhouette within two pixels of its edge touches it
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
 Edge = NDArray[np.int32]  # (n, 1, 2) x, y, px
 _CONTRAST = 0.8  # quantile of the difference inside a candidate that stands for its contrast
@@ -42,8 +43,7 @@ _THIN = 0.4  # share of a body's largest half width; narrower parts are thin
 _REACH = 0.3  # share of the diagonal of a silhouette's box; pixels farther from it are no fin
 
 
-@dataclass(frozen=True)
-class Silhouette:
+class Silhouette(NamedTuple):
     """A connected patch of a frame that differs from the tank: one fish, several, or none.
 
     x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) uint8, the
@@ -62,8 +62,7 @@ class Silhouette:
     pale: PalePixels | None = None
 
 
-@dataclass(frozen=True)
-class SegmentedFish:
+class SegmentedFish(NamedTuple):
     """One isolated fish in one frame, in px of the picture, with pixel centres at integers.
 
     x_px, y_px: its mass centre; area_px: in px²; contrast: to the tank, grey levels. backbone: its
@@ -240,9 +239,10 @@ def _silhouette_inside_edge(
     mask = np.zeros(field.shape, np.uint8)
     cv2.drawContours(mask, [edge], -1, 1, cv2.FILLED, offset=(-x, -y))
     x0, y0, area = x + left, y + top, cv2.countNonZero(mask)
-    outside = arena[y0 : y0 + field.shape[0], x0 : x0 + field.shape[1]] == 0
-    near = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
-    at_border = at_edge or bool((near & outside).any())
+    inside = arena[y0 : y0 + field.shape[0], x0 : x0 + field.shape[1]]
+    at_border = at_edge
+    if not at_edge and cv2.countNonZero(inside) < inside.size:
+        at_border = bool(cv2.dilate(mask, _NEAR_ARENA)[inside == 0].any())
     return Silhouette(x0, y0, mask.view(bool), field, contrast, area, at_border)
 
 
@@ -277,7 +277,7 @@ def _assign_pale_pixels(
         window = np.s_[y0 : y + h + reach, x0 : x + w + reach]
         mask = nearest_pale[window].copy()
         mask[y - y0 : y - y0 + h, x - x0 : x - x0 + w] &= ~part.mask
-        yield replace(part, pale=PalePixels(x0 + left, y0 + top, mask, patch[window].copy()))
+        yield part._replace(pale=PalePixels(x0 + left, y0 + top, mask, patch[window].copy()))
 
 
 def edge_pixels(silhouette: Silhouette) -> Edge:
@@ -300,38 +300,56 @@ def measure_fish(
     The fins, and the softer edge of `matte`, are only in the cut-out (pixels with alpha), not in
     the outline or the area.
     """
-    mask, field = silhouette.mask, silhouette.field
+    mask, field, (x0, y0) = silhouette.mask, silhouette.field, (silhouette.x0, silhouette.y0)
     backbone = trace_backbone(mask, field, points, scene.threshold, limbs)
     if backbone is None:
         return None
-    alpha = soft_alpha(silhouette.mask, silhouette.field, round(scene.threshold))
-    moments = cv2.moments(alpha)
-    x0, y0 = silhouette.x0, silhouette.y0
-    corner = np.array([x0, y0])
+    levels = silhouette.contrast, scene.threshold
+    (area, x, y), outline = _measure_outline(mask, field, round(scene.threshold), OUTLINE_POINTS)
     window = np.s_[y0 : y0 + mask.shape[0], x0 : x0 + mask.shape[1]]
-    film, tank, levels = (
-        frame[window],
-        scene.background[window],
-        (silhouette.contrast, scene.threshold),
-    )
-    shown, (left, top) = soft_edge(mask, field, film, tank, *levels, edge_px), (x0, y0)
+    shown = soft_edge(mask, field, frame[window], scene.background[window], *levels, edge_px)
+    left, top = x0, y0
     if silhouette.pale is not None:
         shown, (left, top) = add_fins_to_alpha(shown, (x0, y0), silhouette.pale, levels)
     shown = one_piece(shown, mask, (x0 - left, y0 - top))
     cutout, (left, top) = _cut_out(frame, scene, shown, (left, top))
-    inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
-    chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    corner = np.array([x0, y0])
     return SegmentedFish(
-        x_px=moments["m10"] / moments["m00"] + x0,
-        y_px=moments["m01"] / moments["m00"] + y0,
-        area_px=moments["m00"] / 255,
+        x_px=x + x0,
+        y_px=y + y0,
+        area_px=area,
         contrast=silhouette.contrast,
-        backbone=backbone._replace(points_px=backbone.points_px + corner),
-        outline_px=refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS) + corner,
+        backbone=Backbone(backbone.points_px + corner, *backbone[1:]),
+        outline_px=outline + corner,
         x0=left,
         y0=top,
         cutout=cutout,
     )
+
+
+@kernel
+def _measure_outline(mask, field, floor, points):  # type: ignore[no-untyped-def]
+    """Return a silhouette's area [px²] and mass centre x, y, and its outline (points, 2) x, y.
+
+    mask, field: (h, w), the silhouette and the difference from the tank; floor: grey level below
+    which differences are noise. A pixel counts as much as it is opaque. Of several pieces, the one
+    with the longest outline counts.
+    """
+    alpha = soft_alpha(mask, field, floor)
+    total, x_sum, y_sum = 0, 0, 0
+    for y in range(alpha.shape[0]):
+        row, of_row = alpha[y], 0
+        for x in range(alpha.shape[1]):
+            of_row += row[x]
+            x_sum += x * row[x]
+        total += of_row
+        y_sum += y * of_row
+    chain = np.empty((0, 2), np.int32)
+    for first in find_pieces(alpha, 128):
+        other = trace_edge(alpha, 128, first)
+        if len(other) >= len(chain):
+            chain = other
+    return (total / 255, x_sum / total, y_sum / total), refine_outline(alpha, chain, points)
 
 
 def _cut_out(
@@ -370,27 +388,53 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     and all its neighbours are in the mask, 0 where none of them is.
     """
     height, width = mask.shape
+    first, stop = find_spans(mask, 2)
+    largest = _largest_in_mask(mask, field)
     alpha = np.zeros((height, width), np.uint8)
-    near = np.zeros((height + 2, width + 2), np.uint8)  # the mask, beyond its edges as at them
-    near[1:-1, 1:-1] = mask
-    near[0], near[-1] = near[1], near[-2]
-    near[:, 0], near[:, -1] = near[:, 1], near[:, -2]
-    sums = np.empty(width + 2, np.uint8)
+    sums, counts = np.empty(width + 2, np.uint8), np.zeros(width, np.uint8)
     for y in range(height):
-        for x in range(width + 2):
-            sums[x] = near[y, x] + near[y + 1, x] + near[y + 2, x]
+        if first[y] >= stop[y]:
+            continue
+        # How many of a pixel and its neighbours are in the mask, beyond its edges as at them.
+        above, here, below = mask[max(y - 1, 0)], mask[y], mask[min(y + 1, height - 1)]
         for x in range(width):
-            count = sums[x] + sums[x + 1] + sums[x + 2]
-            if count == 9:
+            sums[x + 1] = np.uint8(np.uint8(above[x] + here[x]) + below[x])
+        sums[0], sums[width + 1] = sums[1], sums[width]
+        for x in range(width):
+            counts[x] = np.uint8(np.uint8(sums[x] + sums[x + 1]) + sums[x + 2])
+        for x in range(first[y], stop[y]):
+            if counts[x] == 9:
                 alpha[y, x] = 255
-            elif count:
-                largest = floor
-                for v in range(max(y - 2, 0), min(y + 3, height)):
-                    for u in range(max(x - 2, 0), min(x + 3, width)):
-                        if mask[v, u]:
-                            largest = max(largest, field[v, u])
-                alpha[y, x] = min(round(255 * field[y, x] / max(largest, 1)), 255)
+            elif counts[x]:
+                most = max(largest[y, x], floor, 1)
+                alpha[y, x] = min(round(255 * field[y, x] / most), 255)
     return alpha
+
+
+@kernel
+def _largest_in_mask(mask, field):  # type: ignore[no-untyped-def]
+    """Return the largest level (h, w) of a picture within two pixels of each that are in a mask."""
+    height, width = mask.shape
+    wide = width + 4  # all rows one after the other, with a rim
+    flat = np.zeros((height + 4) * wide, np.uint8)
+    for y in range(height):
+        row = flat[(y + 2) * wide + 2 : (y + 2) * wide + 2 + width]
+        for x in range(width):
+            row[x] = field[y, x] * mask[y, x]
+    size = height * wide
+    column, largest = np.zeros(size, np.uint8), np.zeros(size - 4, np.uint8)
+    for shift in range(5):
+        source = flat[shift * wide : shift * wide + size]
+        for i in range(size):
+            column[i] = max(column[i], source[i])
+    for shift in range(5):
+        source = column[shift : shift + largest.size]
+        for i in range(largest.size):
+            largest[i] = max(largest[i], source[i])
+    result = np.empty((height, width), np.uint8)
+    for y in range(height):
+        result[y] = largest[y * wide : y * wide + width]
+    return result
 
 
 def premultiply_cutout(

@@ -147,8 +147,8 @@ def _shift_detections(detections: Detections, x: int, y: int) -> Detections:
     def shift_fish(fish: SegmentedFish) -> SegmentedFish:
         """Return a fish with all its places shifted by x, y px."""
         offset = np.array([x, y])
-        return replace(
-            fish, x_px=fish.x_px + x, y_px=fish.y_px + y, x0=fish.x0 + x, y0=fish.y0 + y,
+        return fish._replace(
+            x_px=fish.x_px + x, y_px=fish.y_px + y, x0=fish.x0 + x, y0=fish.y0 + y,
             backbone=fish.backbone._replace(points_px=fish.backbone.points_px + offset),
             outline_px=fish.outline_px + offset,
         )  # fmt: skip
