@@ -87,15 +87,27 @@ def judge_silhouette(
     return "fish"
 
 
+class _SimilarFish(NamedTuple):
+    """The fish of sample frames that are about as large as the typical one.
+
+    typical: the typical fish; its fins and edge_px are not known yet. length_spread: half the width
+    of the middle 68 % of lengths, relative to the median. traced: silhouettes with backbones.
+    """
+
+    typical: TypicalFish
+    length_spread: float
+    traced: list[tuple[Silhouette, Backbone]]
+
+
 class _BackgroundTrial(NamedTuple):
-    """The scene and the typical fish that were measured against one background.
+    """The scene and the similar fish that were measured against one background.
 
     area_spread: half the width of the middle 68 % of the fish's areas, relative to the median;
     infinite if there are fewer fish than half the frames.
     """
 
     scene: Scene
-    typical: TypicalFish
+    similar: _SimilarFish
     area_spread: float
 
 
@@ -119,7 +131,7 @@ def measure_scene_and_fish(
             trial = _try_backgrounds(measure, sample_frames, median, settings.least_contrast)
         else:  # `mog2` starts from the median
             trial = measure(median)
-    return trial.scene, trial.typical
+    return trial.scene, _add_fins_and_edge(trial.similar, trial.scene, settings)
 
 
 def _try_backgrounds(
@@ -153,7 +165,7 @@ def _measure_with_background(
     sample_frames: Sequence[Picture], arena: Picture, settings: ExtractSettings, workers: Threads,
     background: Picture,
 ) -> _BackgroundTrial:  # fmt: skip
-    """Return the scene, a typical fish, and the spread of areas against a given background.
+    """Return the scene, similar fish, and the spread of areas against a given background.
 
     The last is infinite if there are fewer fish than half the frames. Setting `thin` "auto": thin
     parts belong to fish if this makes their lengths clearly more alike.
@@ -170,27 +182,30 @@ def _measure_with_background(
         lit = match_scene_to_light(scene, frame)
         return list(find_silhouettes(frame, lit, arena, settings.least_area_px, edge_rule))
 
-    def search_sample(thin: bool) -> tuple[list[Silhouette], TypicalFish, float]:
-        """Return the silhouettes of all frames, the typical fish, and the spread of lengths.
+    def search_sample(thin: bool) -> tuple[list[Silhouette], _SimilarFish]:
+        """Return the silhouettes of all frames, and the similar fish among them.
 
         thin: whether pale thin parts belong to silhouettes.
         """
         find = partial(find_in_frame, edge_rule._replace(thin=thin))
         by_frame = ordered_map(find, sample_frames, workers)
         silhouettes = [silhouette for listed in by_frame for silhouette in listed]
-        typical, length_spread = find_typical_fish(silhouettes, scene, settings)
-        return silhouettes, typical._replace(thin=thin), length_spread
+        similar = _find_similar_fish(silhouettes, scene, settings)
+        return silhouettes, similar._replace(typical=similar.typical._replace(thin=thin))
 
-    silhouettes, typical, length_spread = search_sample(settings.thin == "keep")
+    silhouettes, similar = search_sample(settings.thin == "keep")
     # Where lengths differ, silhouettes may end at different places of a pale, thin tail.
-    if settings.thin == "auto" and not typical.limbs and length_spread > _UNSTEADY:
+    is_steady = similar.typical.limbs or similar.length_spread <= _UNSTEADY
+    if settings.thin == "auto" and not is_steady:
         with_thin = search_sample(thin=True)
-        if with_thin[-1] < _BETTER * length_spread:
-            silhouettes, typical, _ = with_thin
-    areas = [s.area_px for s in silhouettes if judge_silhouette(s, typical, settings) == "fish"]
+        if with_thin[1].length_spread < _BETTER * similar.length_spread:
+            silhouettes, similar = with_thin
+    areas = [
+        s.area_px for s in silhouettes if judge_silhouette(s, similar.typical, settings) == "fish"
+    ]
     are_enough = 2 * len(areas) >= len(sample_frames)
     area_spread = _median_and_spread(areas)[1] if are_enough else np.inf
-    return _BackgroundTrial(scene, typical, area_spread)
+    return _BackgroundTrial(scene, similar, area_spread)
 
 
 def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
@@ -213,6 +228,14 @@ def find_typical_fish(
     limbs is above one, for a thin tail looks like one. The spread is half the width of the middle
     68 % of lengths, relative to the median. FinloopError if no silhouette can be an isolated fish.
     """
+    similar = _find_similar_fish(silhouettes, scene, settings)
+    return _add_fins_and_edge(similar, scene, settings), similar.length_spread
+
+
+def _find_similar_fish(
+    silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
+) -> _SimilarFish:
+    """Return the silhouettes with about the area of a typical fish; see `find_typical_fish`."""
     away_from_border = sorted(
         (s for s in silhouettes if not s.at_border), key=attrgetter("area_px")
     )
@@ -228,11 +251,18 @@ def find_typical_fish(
     traced = [(s, line) for s in similar if (line := trace(s.mask, s.field)) is not None]
     if not traced:
         raise _no_fish_error(silhouettes, scene, settings)
-    fins = _choose_fins(traced, settings.fins, scene.polarity)
     contrast = float(np.median([s.contrast for s in similar]))
     length, spread = _median_and_spread([line.length_px for _, line in traced])
-    edge = float(np.median([measure_edge_width(s) for s, _ in traced]))
-    return TypicalFish(area, length, contrast, fins, edge_px=edge, limbs=limbs), spread
+    return _SimilarFish(TypicalFish(area, length, contrast, "none", limbs=limbs), spread, traced)
+
+
+def _add_fins_and_edge(
+    similar: _SimilarFish, scene: Scene, settings: ExtractSettings
+) -> TypicalFish:
+    """Return the typical one of similar fish, with its fins and the width of its outline."""
+    fins = _choose_fins(similar.traced, settings.fins, scene.polarity)
+    edge_px = float(np.median([measure_edge_width(s) for s, _ in similar.traced]))
+    return similar.typical._replace(fins=fins, edge_px=edge_px)
 
 
 def _choose_fins(
