@@ -54,7 +54,7 @@ def time_reactions() -> None:
     """
     rng, took = np.random.default_rng(0), []
     with open_view("matching", 1, 0) as view:
-        tank, (height, width) = view.tank, view.painter.canvas.shape[:2]
+        tank, (height, width) = view.tank, view.feed.tank.floor.shape[:2]
         gc.freeze()  # as the server of the page does
         for _ in range(REACTIONS):
             for _ in range(rng.integers(1, MOST_WAIT + 1)):
