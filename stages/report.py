@@ -3,7 +3,8 @@
 from stages.run import THREADS, run, save_metrics  # isort: skip  (before numpy)
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
 EXTRACT, FEATURES = Path("data/extract"), Path("data/features")
 FAULTS = REPORTS / "film/findings"  # pictures of faults of the film
 TIMES = Path("benchmarks/table2.csv")
+_NARROWEST_PX = 600  # width to which pictures of too large a page are reduced
 TIMES_TITLE = "Table 2: computing times, as `python -m benchmarks.table2` measured them once"
 OUT, METRICS = REPORTS / "index.html", REPORTS / "report/metrics.json"
 SOURCES = {
@@ -194,7 +196,36 @@ def main() -> None:
 
     FinloopError if the page would be larger than `report.max_page_mb`.
     """
-    p: ReportSettings = load_settings("report")
+    page, figures = fit_page(_make_page, load_settings("report"))
+    save_bytes(OUT, page)
+    save_metrics(METRICS, {"figures": figures})
+
+
+def fit_page(
+    make_page: Callable[[ReportSettings], tuple[bytes, int]], p: ReportSettings
+) -> tuple[bytes, int]:
+    """Return the page that `make_page` makes, with pictures so narrow that it is small enough.
+
+    make_page: returns the page and its number of figures. FinloopError if the page is larger than
+    `p.max_page_mb` even with pictures of _NARROWEST_PX.
+    """
+    page, figures = make_page(p)
+    while len(page) > p.max_page_mb * 1e6:
+        if p.max_picture_width_px <= _NARROWEST_PX:
+            raise FinloopError(
+                f"the page would be {len(page) / 1e6:.1f} MB, with pictures"
+                f" {p.max_picture_width_px} px wide",
+                f"at most {p.max_page_mb:.1f} MB (report.max_page_mb)",
+                "lower report.max_film_mb, or raise report.max_page_mb",
+            )
+        width_px = max(_NARROWEST_PX, round(0.8 * p.max_picture_width_px))
+        p = replace(p, max_picture_width_px=width_px)
+        page, figures = make_page(p)
+    return page, figures
+
+
+def _make_page(p: ReportSettings) -> tuple[bytes, int]:
+    """Return the page of all results, and how many figures it has."""
     params = read_params()
     values = {word: params[word] for word in WORDS}  # without groups on which no result depends
     mode, source = values["render"]["mode"], values["clip"]["source"]
@@ -230,14 +261,7 @@ def main() -> None:
         "licence": SOURCES[source][1],
     }
     text = render_template("report.html.j2", page).encode()
-    if len(text) > p.max_page_mb * 1e6:
-        raise FinloopError(
-            f"the page would be {len(text) / 1e6:.1f} MB",
-            f"at most {p.max_page_mb:.1f} MB (report.max_page_mb)",
-            "lower report.max_picture_width_px or report.max_film_mb",
-        )
-    save_bytes(OUT, text)
-    save_metrics(METRICS, {"figures": sum(len(pictures) for _, pictures, _ in chapters)})
+    return text, sum(len(pictures) for _, pictures, _ in chapters)
 
 
 if __name__ == "__main__":

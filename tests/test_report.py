@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -177,6 +178,20 @@ def test_stage_makes_one_whole_page_the_same_each_time(folder: Path):
     with pytest.raises(FinloopError, match="max_page_mb"):
         stages.report.main()
     assert content(folder / "reports") == first
+
+
+def test_a_page_that_is_too_large_gets_narrower_pictures_and_is_refused_at_last(folder: Path):
+    settings, widths = stages.report.load_settings("report"), list[int]()
+
+    def make_page(p):
+        widths.append(p.max_picture_width_px)
+        return bytes(p.max_picture_width_px * 1000), 3
+
+    assert stages.report.fit_page(make_page, settings)[1] == 3 and len(widths) == 1
+    page, _ = stages.report.fit_page(make_page, replace(settings, max_page_mb=0.9))
+    assert len(page) < 0.9e6 and widths == sorted(widths, reverse=True)
+    with pytest.raises(FinloopError, match="600 px wide"):
+        stages.report.fit_page(make_page, replace(settings, max_page_mb=0.5))
 
 
 CONTRAST = """() => {
