@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.cutout import Cutout
-from finloop.edit.schema import WHY
+from finloop.edit.schema import EDIT, WHY
 from finloop.tank.body import median_half_widths
 from finloop.tank.camera import TankSize
 from finloop.tank.fish import FishSurface
@@ -99,7 +99,7 @@ def edit_list(n, **columns):
         "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "network",
         "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0,
     }  # fmt: skip
-    return pd.DataFrame(usual | dict.fromkeys(WHY) | columns, index=range(n))
+    return pd.DataFrame(usual | dict.fromkeys(WHY) | columns, index=range(n))[EDIT.names]
 
 
 def fish_of(edit):
