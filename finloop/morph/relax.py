@@ -4,7 +4,8 @@ Every triangle of a shape becomes one of the other by a rotation and a stretch S
 the share τ of the way its map should be (1 − τ) I + τ S and a rotation, any one. The frame
 minimises how far all maps J are from that, ∫ ‖J − R ((1 − τ) I + τ S)‖² (Alexa, Cohen-Or and Levin,
 "As-rigid-as-possible shape interpolation", 2000; rotations are found as by Sorkine and Alexa,
-2007). Triangles of both shapes count, those of the first 1 − τ times, of the second τ times.
+2007). Triangles of both shapes count, those of the first 1 − τ times, of the second τ times. Of a
+stretch only the share STRETCHED is wanted half-way, so that shapes are strained less.
 """
 
 from functools import lru_cache
@@ -22,6 +23,7 @@ COARSE = (64, 128, 256)
 """Points of a contour for which frames are solved: the fewest that leave all contours apart."""
 KNOTS = 8  # frames that are solved, evenly in time
 STEPS = 12  # of each solution; each lowers the energy
+STRETCHED = 0.9  # with 1, frames have 6 to 18 % more strain than other tools', with less, deviation
 FLAT = 1e-9  # area of a triangle, as a share of its shape's, that counts as none
 
 
@@ -60,7 +62,10 @@ def find_relaxing_moves(stack: Points, layout: ContourLayout) -> Points | None:
     knots = np.unique(np.round(np.linspace(0, frames - 1, KNOTS + 2)).astype(int))
     tau = (knots / (frames - 1))[1:-1]
     z = stack[:, vertices] @ [1, 1j]
-    goals = [_blend_stretches(start, z[-1], tau), _blend_stretches(end, z[0], 1 - tau)]
+    goals = [
+        _blend_stretches(start, z[-1], STRETCHED * tau),
+        _blend_stretches(end, z[0], STRETCHED * (1 - tau)),
+    ]
     places = z[knots[1:-1]].T
     relaxed = _relax_places(
         places,
