@@ -194,7 +194,7 @@ def _list_parameters(
 def main() -> None:
     """Write reports/index.html, the page of all results, and metrics to reports/report/.
 
-    FinloopError if the page would be larger than `report.max_page_mb`.
+    FinloopError if the page is larger than `report.max_page_mb` even with the narrowest pictures.
     """
     page, figures = fit_page(_make_page, load_settings("report"))
     save_bytes(OUT, page)
@@ -207,7 +207,7 @@ def fit_page(
     """Return the page that `make_page` makes, with pictures so narrow that it is small enough.
 
     make_page: returns the page and its number of figures. FinloopError if the page is larger than
-    `p.max_page_mb` even with pictures of _NARROWEST_PX.
+    `p.max_page_mb` even with pictures of _NARROWEST_PX. Each try makes the whole page again.
     """
     page, figures = make_page(p)
     while len(page) > p.max_page_mb * 1e6:

@@ -1,4 +1,4 @@
-"""Interpolation between pixels by Keys' cubic kernel, a = −1/2, and what it takes of sharpness."""
+"""Interpolation between pixels by Keys' cubic kernel, a = −1/2, and the blur of it undone."""
 
 from functools import cache
 
@@ -27,12 +27,13 @@ def keys_cubic_weights(t: float) -> tuple[np.float32, np.float32, np.float32, np
     )
 
 
-def sharpen_for_turning(pixels: Picture) -> NDArray[np.float32]:
-    """Return a picture (h, w, c) sharpened by as much as turning it smooths it, float32.
+def sharpen_for_interpolation(pixels: Picture) -> NDArray[np.float32]:
+    """Return a picture (h, w, c) float32 sharpened by as much as cubic interpolation blurs it.
 
-    Turned or shifted by any part of a pixel, it then has the power of the pixels as they are, in
-    the mean over all shifts: the integral over the square of the interpolated picture is the sum
-    over the squares of `pixels` (as of the orthonormal splines of Battle and Lemarié).
+    Over all shifts by parts of a pixel, the mean sum of squares is then that of `pixels`: the
+    integral over the square of the interpolated picture is the sum over their squares (as of the
+    orthonormal splines of Battle and Lemarié). Values may leave 0 … 255; outside of the picture all
+    is 0.
     """
     weights = _sharpening_weights()
     return np.asarray(

@@ -25,8 +25,9 @@ Levels = NDArray[np.float32]
 def measure_gain(frame: Picture, tank: Picture) -> Floats:
     """Return a frame's brightness divided by that of the empty tank, per channel: (1,) or (3,).
 
-    It is a ratio of sums over the pixels that show the tank in both pictures and are neither black
-    nor white; NaN if these are less than a fifth. frame, tank: (h, w[, 3]).
+    It is a ratio of sums over the pixels that show the tank in both pictures, where the tank is
+    neither black nor white, and the frame is not white; NaN if these are less than a fifth.
+    frame, tank: (h, w[, 3]).
     """
     frame_levels, tank_levels = _sample_pixels(frame, _PIXELS), _sample_pixels(tank, _PIXELS)
     lit = _find_lit(frame_levels, tank_levels)
@@ -49,7 +50,7 @@ def measure_gain(frame: Picture, tank: Picture) -> Floats:
 
 
 def _find_lit(frame_levels: Levels, tank_levels: Levels) -> Mask:
-    """Return a mask (n,) of pixels (n, channels) that are neither black nor white."""
+    """Return a mask (n,): where the tank is neither black nor white, and the frame is not white."""
     lit = (tank_levels > BLACK) & (tank_levels < WHITE) & (frame_levels < WHITE)
     return np.asarray(lit.all(axis=1))
 

@@ -25,7 +25,10 @@ _X, _Y = np.array([1, 1, 0, -1, -1, -1, 0, 1]), np.array([0, -1, -1, -1, 0, 1, 1
 
 @kernel
 def find_spans(mask: Picture | Mask, reach: int) -> tuple[Ints, Ints]:
-    """Return the spans (h,), (h,) of a mask (h, w), made wider by `reach` pixels on all sides."""
+    """Return first and stop (h,): the columns of each row that hold a mask's pixels.
+
+    The mask (h, w) is first made wider by `reach` pixels on all sides.
+    """
     height, width = mask.shape
     own_first, own_stop = np.full(height, width), np.zeros(height, np.int64)
     for y in range(height):
@@ -56,8 +59,8 @@ def measure_distance(
 ) -> NDArray[np.float32]:
     """Return the distance [px] of each pixel of a mask (h, w) to the nearest one of value `target`.
 
-    It is measured in the spans `first` to `stop`; 0 elsewhere. The way lies in the spans. beyond:
-    distance of what lies outside of the picture. Equals `cv2.distanceTransform` with DIST_L2 and a
+    It is measured in the spans `first` to `stop`; 0 elsewhere. beyond: distance of all that
+    is outside of the picture or of the spans. Equals `cv2.distanceTransform` with DIST_L2 and a
     mask of 3, up to the order of float32 sums, which OpenCV chooses by the processor.
     """
     height, width = mask.shape

@@ -228,7 +228,7 @@ def cut_with_residue(
     film, tank = (np.ascontiguousarray(picture).reshape(shape) for picture in (film, tank))
     distance = cv2.distanceTransform((alpha == 0).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
     is_near = (distance <= width_px / 2).view(np.uint8)  # a shadow there tells no light
-    change, squared, opacity = _change_beside(is_near, film, tank, gains, grain_grey)
+    change, squared, opacity = _measure_change(is_near, film, tank, gains, grain_grey)
     power = cv2.blur(squared, (_POWER_PX, _POWER_PX))
     is_strong = squared > 16 * grain_grey**2  # on a black or white tank, grain alone is opaque
     fish = opacity[alpha == 255]
@@ -252,10 +252,11 @@ def drop_residue(pixels: Picture) -> Picture:
 
 # These kernels go through a row once for each channel: grey pixels are then worked on in parallel.
 @finite_kernel
-def _light_beside(is_near, film, tank, light, grain_grey):  # type: ignore[no-untyped-def]
-    """Return the tank's level over the film's beside a fish, (k,) float32; `light` if none is seen.
+def _correction_beside(is_near, film, tank, light, grain_grey):  # type: ignore[no-untyped-def]
+    """Return by what to multiply the film, so that it is as bright as the tank: (k,) float32.
 
-    is_near, film, tank, grain_grey: as in `_change_beside`; light (k,): a first estimate, by which
+    It is measured away from the fish; `light`, if fewer than _FEWEST pixels show the tank.
+    is_near, film, tank, grain_grey: as in `_measure_change`; light (k,): a first estimate, by which
     pixels count as the tank.
     """
     height, width, channels = film.shape
@@ -289,8 +290,10 @@ def _light_beside(is_near, film, tank, light, grain_grey):  # type: ignore[no-un
 
 
 @finite_kernel
-def _change_beside(is_near, film, tank, gains, grain_grey):  # type: ignore[no-untyped-def]
-    """Return film less tank in the light beside a fish, its square, and the alpha that shows it.
+def _measure_change(is_near, film, tank, gains, grain_grey):  # type: ignore[no-untyped-def]
+    """Return how each pixel of the film differs from the tank, in the light beside the fish.
+
+    Also its mean square over the channels, and the least alpha that shows it.
 
     is_near (h, w): not 0 at the fish; film, tank: (h, w, k); gains: (k,); grain_grey: standard
     deviation of the film's noise. The change is (h, w, k), its mean square (h, w), and the alpha
@@ -299,7 +302,7 @@ def _change_beside(is_near, film, tank, gains, grain_grey):  # type: ignore[no-u
     height, width, channels = film.shape
     light = (1 / gains).astype(np.float32)
     for _ in range(2):  # the first time, the choice of pixels leans to the light of the whole frame
-        light = _light_beside(is_near, film, tank, light, grain_grey)
+        light = _correction_beside(is_near, film, tank, light, grain_grey)
     change = np.empty(film.shape, np.float32)
     squared, opacity = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     for y in range(height):
@@ -319,7 +322,7 @@ def _change_beside(is_near, film, tank, gains, grain_grey):  # type: ignore[no-u
 def _keep_residue(alpha, tank, change, power, opacity, other, fade, grain_grey):  # type: ignore[no-untyped-def]
     """Return a cut-out (h, w, k + 1) uint8, premultiplied: the change that is no grain, over alpha.
 
-    alpha (h, w), tank (h, w, k); change, opacity: from `_change_beside`; power: mean square of the
+    alpha (h, w), tank (h, w, k); change, opacity: from `_measure_change`; power: mean square of the
     change around a pixel; other: not 0 near another animal; fade (h, w): share of the change that
     is kept, 0 … 1; grain_grey: standard deviation of the film's noise, grey levels.
     """

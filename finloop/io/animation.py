@@ -207,11 +207,10 @@ class _SmilAnimator:
         """Return what changes an attribute at once at every frame."""
         return self._write(attribute, values, 'calcMode="discrete" ')
 
-    def turn_paint(self, attribute: str, names: Sequence[str]) -> tuple[str, str]:
-        """Return what changes from gradient to gradient: within a gradient, and within its path.
+    def switch_gradient(self, attribute: str, names: Sequence[str]) -> tuple[str, str]:
+        """Return what switches between gradients: text for the gradient, and text for the path.
 
-        attribute: fill or stroke, which this kind of animation need not know; names: "#id" of each
-        frame.
+        One of them is "". attribute: fill or stroke (SMIL ignores it); names: "#id" of each frame.
         """
         return self.switch("href", names), ""
 
@@ -228,8 +227,8 @@ class _SmilAnimator:
 class _CssAnimator(_SmilAnimator):
     """Writer of CSS animations: keyframes at the end of the file, which a path's style names."""
 
-    def turn_paint(self, attribute: str, names: Sequence[str]) -> tuple[str, str]:
-        """Return what changes from gradient to gradient: CSS cannot change a gradient's href."""
+    def switch_gradient(self, attribute: str, names: Sequence[str]) -> tuple[str, str]:
+        """Return "" and the animation of the path, since CSS cannot change a gradient's href."""
         return "", self.switch(attribute, [f"url({name})" for name in names])
 
     def place(self, animations: str) -> tuple[str, str]:
@@ -331,7 +330,7 @@ def _svg_gradient(
             f' gradientTransform="matrix({matrix})" spreadMethod="{gradient.spread}">'
             f"{stops}</{tag}>"
         )
-    turn, turn_path = animator.turn_paint(attribute, names) if len(defs) > 1 else ("", "")
+    turn, turn_path = animator.switch_gradient(attribute, names) if len(defs) > 1 else ("", "")
     lines.append(f'<{tag} id="{name}" href="{names[0]}">{turn}</{tag}>')
     return f"<defs>{''.join(lines)}</defs>", turn_path
 

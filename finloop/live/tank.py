@@ -38,7 +38,11 @@ def warm_up_paths(player: AnyPlayer) -> None:
 
 
 class Future(NamedTuple):
-    """A live tank as it was left, to return to; `since`: the tick from which it is another one."""
+    """A live tank as it was left, to return to.
+
+    since: the earliest tick from which it may differ from the present one; created: how many fish
+    were ever put into it.
+    """
 
     since: int
     tick: int
@@ -289,23 +293,30 @@ class LiveTank:
             fish.switch_mode(mode)
 
     def branch_from(self, tick: int) -> None:
-        """Let the fish swim on from a past tick; what came after it is kept, to return to."""
+        """Let the fish swim on from a past tick; what came after it is kept, to return to.
+
+        Do nothing if the tick is not past. Only the last _MOST_FUTURES futures are kept.
+        """
         if tick >= self.tick:  # nothing came after it
             return
         copies: dict[int, Any] = {}
         rng, fish = deepcopy(self._rng, copies), [fish.copy(copies) for fish in self.fish]
         future = self._make_future(max(tick, self.oldest_tick), fish, rng)
-        self.futures = [future, *self.futures][:_MOST_FUTURES]
+        others = (other._replace(since=min(other.since, future.since)) for other in self.futures)
+        self.futures = [future, *others][:_MOST_FUTURES]
         self.go_back_to(tick)
 
     def return_to(self, number: int) -> None:
-        """Go on in a future that was left, by its number; keep the present one in its place.
+        """Go on in a kept future, by its index in `futures`; the present one takes its place.
 
         Do nothing if there is no such future.
         """
         if number >= len(self.futures):
             return
         future = self.futures[number]
+        self.futures = [
+            other._replace(since=min(other.since, future.since)) for other in self.futures
+        ]
         self.futures[number] = self._make_future(future.since, self.fish, self._rng)
         _, self.tick, self.mode, self.school_rule, self.fish, self._rng, self._created = future
 

@@ -157,10 +157,10 @@ class TankView:
         return [*self.feed.opening_messages(), *self._facts.values()]
 
     def frame_messages(self, due_s: float = 0.0, took_ms: float = 0.0) -> list[bytes]:
-        """Return the messages that show the present tick, or the past one on screen, to pages.
+        """Return the messages that show the tick on screen; of the texts, only those that changed.
 
-        due_s: server's time at which it is shown; a past tick, or one of a paused tank, is shown at
-        once. took_ms: how long it took to make the tick before.
+        due_s: server's time at which it is shown. While nothing runs, and for the first tick after
+        that, it is shown at once. took_ms: how long it took to make the tick before.
         """
         tick, self._seq = self.shown_tick, self._seq + 1
         jump = not (self.is_running and self._was_running)

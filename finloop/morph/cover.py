@@ -57,7 +57,7 @@ def find_covered_pieces(
 
 
 def find_shifts(pieces: Sequence[Sequence[Points]]) -> list[Points]:
-    """Return shifts (f, 2) of each piece, with which no piece covers another one on the way.
+    """Return shifts (f, 2) of each piece that keep pieces apart on the way, as far as possible.
 
     pieces: the closed contours (f, n, 2) of each. The piece in the middle stays. Each one farther
     out keeps clear of all that are nearer, since it has room outside: in that one of DIRECTIONS

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel, leaf_kernel
-from finloop.base.sampling import keys_cubic_weights, sharpen_for_turning
+from finloop.base.sampling import keys_cubic_weights, sharpen_for_interpolation
 from finloop.puppet import PlacedBackbone, PosedPicture, change_in_pose
 from finloop.render.living import LivingTank
 
@@ -121,15 +121,15 @@ class PictureLayer(NamedTuple):
 
 
 class TankBelow(NamedTuple):
-    """The tank that a fish is drawn on: still and at this tick, and its light around the fish.
+    """The tank that a fish is drawn on: still, at this tick, and how much brighter it is then.
 
-    still, shown: (h, w, 1 or as the canvas) uint8; light (channels of the canvas,) float32: mean of
-    `shown` over that of `still`, around the fish.
+    still, shown: (h, w, 1 or as the canvas) uint8; gain (channels of the canvas,) float32: mean of
+    `shown` divided by that of `still`; 1 where the tank stands still.
     """
 
     still: Image
     shown: Image
-    light: NDArray[np.float32]
+    gain: NDArray[np.float32]
 
 
 class TurnedPicture(NamedTuple):
@@ -210,7 +210,7 @@ def sharpen_picture(picture: PaddedPicture) -> PaddedPicture:
 
     Transparent pixels stay transparent, and opaque ones opaque.
     """
-    alpha, pixels = picture.filmed[..., -1:], sharpen_for_turning(picture.filmed)
+    alpha, pixels = picture.filmed[..., -1:], sharpen_for_interpolation(picture.filmed)
     pixels *= np.where(alpha == 255, 255 / np.maximum(pixels[..., -1:], 1), alpha > 0)
     return picture._replace(pixels=pixels)
 
@@ -377,7 +377,7 @@ class Painter:
         box = Box.enclose(Box(*picture.box) for picture in posed).clip_to(self.canvas.shape)
         if not box.is_empty:
             pixels = change_in_pose(*posed, share, box) if share else posed[0].draw_part(box)
-            draw_pixels(self.canvas[box.slices], pixels, self._tank_below(box))
+            draw_pixels(self.canvas[box.slices], pixels, self._find_tank_below(box))
         return box
 
     def _draw_turned(
@@ -392,18 +392,18 @@ class Painter:
         box = Box.enclose(boxes).clip_to(self.canvas.shape)
         if not box.is_empty:
             layers = fish.layer_at(x_px, y_px), other.layer_at(x_px, y_px)
-            draw_layers(self.canvas, box, *layers, share, self._tank_below(box))
+            draw_layers(self.canvas, box, *layers, share, self._find_tank_below(box))
         return box
 
-    def _tank_below(self, box: Box) -> TankBelow:
-        """Return the tank in a box, which is not empty."""
+    def _find_tank_below(self, box: Box) -> TankBelow:
+        """Return the tank's pixels in a box with at least one pixel, and its gain there."""
         still, shown = self.floor[box.slices], self._shown[box.slices]
-        light = np.ones(self.canvas.shape[2], np.float32)
+        gain = np.ones(self.canvas.shape[2], np.float32)
         if self._shown is not self.floor:
-            for k in range(len(light)):
+            for k in range(len(gain)):
                 level = cv2.mean(np.ascontiguousarray(shown[..., min(k, shown.shape[2] - 1)]))[0]
-                light[k] = level / max(cv2.mean(np.ascontiguousarray(still[..., k]))[0], 1.0)
-        return TankBelow(still, shown, light)
+                gain[k] = level / max(cv2.mean(np.ascontiguousarray(still[..., k]))[0], 1.0)
+        return TankBelow(still, shown, gain)
 
 
 @leaf_kernel
@@ -461,30 +461,30 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _blend_pixel(pixel, k, level, alpha, still, shown, light):  # type: ignore[no-untyped-def]
+def _blend_pixel(pixel, k, level, alpha, still, shown, gain):  # type: ignore[no-untyped-def]
     """Draw a fish's level and alpha, 0 … 255, over channel k of a canvas's pixel, which changes.
 
-    pixel (channels,); still, shown (1 or channels,): the tank's pixel there; light: of the channel,
+    pixel (channels,); still, shown (1 or channels,): the tank's pixel there; gain: of the channel,
     all as in `TankBelow`.
     """
     through = 1 - alpha / np.float32(255)
     below = np.float32(pixel[k]) - np.float32(shown[min(k, len(shown) - 1)])
-    below += light * np.float32(still[k])
-    result = light * level + through * below + np.float32(0.5)
+    below += gain * np.float32(still[k])
+    result = gain * level + through * below + np.float32(0.5)
     pixel[k] = np.uint8(min(max(result, np.float32(0)), np.float32(255)))
 
 
 @kernel
-def draw_layers(canvas, box, fish, partner, share, ground):  # type: ignore[no-untyped-def]
+def draw_layers(canvas, box, fish, partner, share, tank):  # type: ignore[no-untyped-def]
     """Cross-fade two pictures over the canvas, which changes: (1 − share) fish + share partner.
 
     canvas: (H, W, 1 or 3) uint8; box: a `Box`; fish, partner: a `PictureLayer` each; share: 0 … 1;
-    ground: the tank in the box.
+    tank: the tank in the box.
     """
     # Unpacked here: within the loop every access to a tuple would count its references.
     pixels, near, m = fish
     other, other_near, n = partner
-    still, shown, light = ground
+    still, shown, gain = tank
     shape, other_shape = near.shape, other_near.shape
     fish_share, share = np.float32(1 - share), np.float32(share)
     for y in range(box.top, box.bottom):
@@ -505,20 +505,20 @@ def draw_layers(canvas, box, fish, partner, share, ground):  # type: ignore[no-u
             if alpha > 0:
                 empty, alive = still[y - box.top, x - box.left], shown[y - box.top, x - box.left]
                 pixel = canvas[y, x]
-                _blend_pixel(pixel, 0, red, alpha, empty, alive, light[0])
+                _blend_pixel(pixel, 0, red, alpha, empty, alive, gain[0])
                 if canvas.shape[2] == 3:
-                    _blend_pixel(pixel, 1, green, alpha, empty, alive, light[1])
-                    _blend_pixel(pixel, 2, blue, alpha, empty, alive, light[2])
+                    _blend_pixel(pixel, 1, green, alpha, empty, alive, gain[1])
+                    _blend_pixel(pixel, 2, blue, alpha, empty, alive, gain[2])
 
 
 @kernel
-def draw_pixels(canvas, drawn, ground):  # type: ignore[no-untyped-def]
+def draw_pixels(canvas, drawn, tank):  # type: ignore[no-untyped-def]
     """Draw a picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3), which is changed.
 
     drawn: premultiplied by alpha, its last channel; grey is drawn in all channels of a canvas.
-    ground: the tank beneath, of the canvas's size.
+    tank: the tank beneath, of the canvas's size.
     """
-    still, shown, light = ground
+    still, shown, gain = tank
     height, width, channels = canvas.shape
     opacity = drawn.shape[2] - 1
     for y in range(height):
@@ -529,5 +529,5 @@ def draw_pixels(canvas, drawn, ground):  # type: ignore[no-untyped-def]
                     level = np.float32(255) * drawn[y, x, min(k, opacity - 1)]
                     _blend_pixel(
                         canvas[y, x], k, level, np.float32(255) * alpha, still[y, x], shown[y, x],
-                        light[k],
+                        gain[k],
                     )  # fmt: skip

@@ -63,9 +63,9 @@ AnyPage = TypeVar("AnyPage", bound=Page)
 
 
 class Hub(Generic[AnyPage]):
-    """Server of pages: it hears each of them, and sends messages to all.
+    """The connected pages of a server: it handles their messages, and queues messages to all.
 
-    pages: those that are connected, the first one first.
+    pages: in the order in which they connected.
     """
 
     page_type: type[AnyPage]

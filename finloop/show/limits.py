@@ -1,4 +1,4 @@
-"""How much of what comes from outside is heard: an amount at once, which comes back with time."""
+"""Budgets of messages from outside: so many at once, refilled with time (a token bucket)."""
 
 PAGE_MESSAGES, PAGE_MESSAGES_PER_S = 40, 20  # of a page: at once, and in a second
 

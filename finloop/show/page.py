@@ -29,7 +29,10 @@ def join_scripts(*names: str) -> str:
 
 
 def build_page(name: str, *scripts: str) -> str:
-    """Return the HTML of a page of the folder `page`, with its scripts and the style in it."""
+    """Return a page's HTML with scripts put in, and desk.css where it has the mark /*style*/.
+
+    name, scripts: files in the folder `page`. Other marks, such as /*title*/ and /*data*/, stay.
+    """
     page = read_page_file(name).replace("/*style*/", read_page_file("desk.css"))
     return page.replace("/*script*/", join_scripts(*scripts))
 

@@ -179,13 +179,13 @@ class SocketRoute(NamedTuple):
 class PlainConnection(H11Protocol):
     """A connection that asks for a page, or for a WebSocket and is none yet.
 
-    requests: how many of them all connections of a server may make.
+    requests: budget that all connections of a server share; each piece of data spends 1.
     """
 
     requests: Budget
 
     def data_received(self, data: bytes) -> None:
-        """Hear a request; if there are too many, end the connection unheard."""
+        """Handle data of a request; if too much comes, end the connection without reading it."""
         if self.requests.spend(1, self.loop.time()):
             super().data_received(data)
         else:
